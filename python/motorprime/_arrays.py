@@ -1,0 +1,54 @@
+"""Checks of the arrays that users pass, with errors that name the argument and the index."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from motorprime.errors import ArgumentError, ArgumentTypeError
+
+Floats = npt.NDArray[np.float64]
+
+
+def numbers(name: str, value: npt.ArrayLike) -> Floats:
+    """Convert ``value`` to float64; anything but integers and floats is an :class:`ArgumentTypeError`."""
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # ragged nested lists
+        raise ArgumentError(f"{name}: expected a rectangular array of numbers: {error}") from None
+    if array.dtype.kind not in "fiu":
+        raise ArgumentTypeError(f"{name}: expected real numbers, got dtype {array.dtype}")
+    return array.astype(np.float64, copy=False)
+
+
+def finite(name: str, array: Floats) -> Floats:
+    """Return ``array``, or raise an :class:`ArgumentError` that names the first NaN or infinity in it."""
+    bad = ~np.isfinite(array)
+    if bad.any():
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        where = ", ".join(str(i) for i in index)
+        raise ArgumentError(f"{name}: expected finite numbers, got {array[index]} at [{where}]")
+    return array
+
+
+def rows(name: str, value: npt.ArrayLike, columns: int, *, nan: bool = False) -> Floats:
+    """Return ``value`` as (N, columns) float64; N may be 0.
+
+    Raises :class:`ArgumentError` for another shape and for infinities and (unless ``nan``) NaN.
+    """
+    array = numbers(name, value)
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise ArgumentError(f"{name}: expected shape (N, {columns}), got {array.shape}")
+    if nan:
+        finite(name, np.where(np.isnan(array), 0.0, array))
+    else:
+        finite(name, array)
+    return array
+
+
+def fixed(name: str, value: npt.ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """Return ``value`` as finite float64 of exactly this shape."""
+    array = numbers(name, value)
+    if array.shape != shape:
+        raise ArgumentError(f"{name}: expected shape {shape}, got {array.shape}")
+    return finite(name, array)
