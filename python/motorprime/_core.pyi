@@ -1,0 +1,85 @@
+"""Types of the compiled kernels; the documented functions are in ``motorprime.landscape``."""
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "Mlp",
+    "gaussian_landscape",
+    "gaussian_landscapes",
+    "gibbs_sample",
+    "kernel_landscape",
+    "kernel_landscapes",
+    "threshold",
+]
+
+_Array = npt.NDArray[np.floating[Any]]
+_Numbers = _Array | Sequence[float]
+_Rows = _Array | Sequence[Sequence[float]]
+_Landscape = npt.NDArray[np.float32]
+_Width = float | tuple[float, float] | _Array
+
+def gaussian_landscape(
+    mean: _Numbers,
+    chol: _Numbers,
+    shape: tuple[int, int],
+    cutoff: float,
+    mixing: float,
+    out: _Landscape | None,
+    /,
+) -> _Landscape: ...
+def gaussian_landscapes(
+    means: _Rows,
+    chols: _Rows,
+    shape: tuple[int, int],
+    cutoff: float,
+    mixing: float,
+    out: Sequence[_Landscape] | None,
+    /,
+) -> list[_Landscape]: ...
+def kernel_landscape(
+    points: _Rows,
+    shape: tuple[int, int],
+    width: _Width,
+    kernel: str,
+    weights: _Numbers | None,
+    out: _Landscape | None,
+    /,
+) -> _Landscape: ...
+def kernel_landscapes(
+    points: Sequence[_Rows],
+    shape: tuple[int, int],
+    width: _Width | list[_Width],
+    kernel: str,
+    weights: Sequence[_Numbers | None] | None,
+    out: Sequence[_Landscape] | None,
+    /,
+) -> list[_Landscape]: ...
+def threshold(
+    landscape: _Array, fraction: float | None, count: int | None, method: str, stride: int, /
+) -> float: ...
+def gibbs_sample(
+    landscape: _Array, n: int, seed: int, start: tuple[int, int] | None, burn_in: int, thin: int, /
+) -> npt.NDArray[np.int32]: ...
+
+@final
+class Mlp:
+    """A small feed-forward network: tanh on every layer but the last, which is linear."""
+
+    def __new__(
+        cls,
+        weights: Sequence[_Rows],
+        biases: Sequence[_Numbers],
+        input_mean: _Numbers,
+        input_std: _Numbers,
+        output_mean: _Numbers,
+        output_std: _Numbers,
+    ) -> Mlp: ...
+    def __call__(self, x: _Rows) -> npt.NDArray[np.float32]: ...
+    def jacobian(self, x: _Rows) -> npt.NDArray[np.float32]: ...
+    @property
+    def sizes(self) -> tuple[int, ...]: ...
+    def __getnewargs__(self) -> tuple[Any, ...]: ...

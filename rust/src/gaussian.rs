@@ -1,0 +1,139 @@
+//! The peripersonal landscape: one Gaussian, evaluated only inside its ellipse (Eq. 2-5 and 10).
+
+use crate::error::{Error, Result};
+use crate::math::{EXP_FLOOR, exp_nonpositive};
+use crate::shape::{Shape, pixels_between};
+
+/// A pixel is inside the ellipse up to this relative excess of its squared radius: the border is inside,
+/// and a border that falls on a pixel must not be lost to rounding.
+const BORDER: f64 = 1.0 + 1e-12;
+
+/// A bivariate Gaussian with covariance `L L^T`, `L = [[l1, 0], [l2, l3]]` (Eq. 3), cut at an ellipse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gaussian {
+    /// Mean (u, v) [px]; it may lie outside the image.
+    pub mean: [f64; 2],
+    /// `l1, l2, l3` [px]; `l1` and `l3` are positive.
+    pub chol: [f64; 3],
+    /// Radius of the ellipse in standard deviations, sigma of Eq. 5.
+    pub cutoff: f64,
+    /// Share pi of the Gaussian in its mixture with a uniform of the same mass (Eq. 10).
+    pub mixing: f64,
+}
+
+impl Gaussian {
+    /// Writes the landscape into `out` (row-major, one element per pixel); outside the ellipse it is 0.
+    ///
+    /// Inside, it is `pi exp(-|z|^2 / 2) + (1 - pi) m` with `z = L^-1 (p - mean)` and
+    /// `m = 2 (1 - exp(-cutoff^2 / 2)) / cutoff^2`, the mean of the Gaussian over the ellipse.
+    ///
+    /// # Errors
+    /// A mean, factor, cutoff or mixing outside its domain, or a buffer of the wrong size.
+    pub fn landscape(&self, shape: Shape, out: &mut [f32]) -> Result<()> {
+        self.check()?;
+        shape.check("out", out.len())?;
+        out.fill(0.0);
+
+        let uniform = ((1.0 - self.mixing) * self.mean_inside()) as f32;
+        let square = self.cutoff * self.cutoff;
+        // Where float32 has no Gaussian left, only the uniform part remains.
+        let visible = square.min(-2.0 * f64::from(EXP_FLOOR));
+        let pi = self.mixing as f32;
+
+        let (first, end) = self.rows(square, shape.height());
+        for v in first..end {
+            let row = &mut out[v * shape.width()..(v + 1) * shape.width()];
+            let (u0, u1) = self.columns(v, square, shape.width());
+            row[u0..u1].fill(uniform);
+            let (u0, u1) = self.columns(v, visible, shape.width());
+            self.fill_row(v, u0, &mut row[u0..u1], pi, uniform);
+        }
+        Ok(())
+    }
+
+    /// Mean of the Gaussian over the whole ellipse, wherever the image ends.
+    fn mean_inside(&self) -> f64 {
+        let half = 0.5 * self.cutoff * self.cutoff;
+        -(-half).exp_m1() / half
+    }
+
+    /// Rows that the ellipse of the squared radius can touch.
+    fn rows(&self, square: f64, height: usize) -> (usize, usize) {
+        let [_, l2, l3] = self.chol;
+        let reach = square.sqrt() * l2.hypot(l3) * BORDER;
+        pixels_between(self.mean[1] - reach, self.mean[1] + reach, height)
+    }
+
+    /// Columns of row `v` inside the ellipse of the squared radius.
+    fn columns(&self, v: usize, square: f64, width: usize) -> (usize, usize) {
+        // On the row, |z|^2 is a parabola in z1: its minimum is at z1 = dv l2 / s^2, s^2 = l2^2 + l3^2.
+        let [l1, l2, l3] = self.chol;
+        let s = l2.hypot(l3);
+        let dv = (v as f64 - self.mean[1]) / s;
+        let middle = self.mean[0] + l1 * (dv * (l2 / s));
+        let half = l1 * (l3 / s) * (square - dv * dv).max(0.0).sqrt();
+        // The roots are rounded; take a pixel too much on either side and let the definition decide.
+        let (mut first, mut end) = pixels_between(middle - half - 1.0, middle + half + 1.0, width);
+        while first < end && !self.inside(first, v, square) {
+            first += 1;
+        }
+        while first < end && !self.inside(end - 1, v, square) {
+            end -= 1;
+        }
+        (first, end)
+    }
+
+    fn inside(&self, u: usize, v: usize, square: f64) -> bool {
+        let [l1, l2, l3] = self.chol;
+        let z1 = (u as f64 - self.mean[0]) / l1;
+        let z2 = ((v as f64 - self.mean[1]) - l2 * z1) / l3;
+        z1 * z1 + z2 * z2 <= square * BORDER
+    }
+
+    /// Evaluates the mixture on consecutive pixels of row `v` from column `u0`.
+    fn fill_row(&self, v: usize, u0: usize, pixels: &mut [f32], pi: f32, uniform: f32) {
+        // The squared radius is formed in float64, where the mean may be far away and the factor badly
+        // conditioned; the exponential is float32.
+        let [l1, l2, l3] = self.chol;
+        let (per_l1, per_l3) = (1.0 / l1, 1.0 / l3);
+        let dv = v as f64 - self.mean[1];
+        for (k, pixel) in pixels.iter_mut().enumerate() {
+            let z1 = (f64::from((u0 + k) as i32) - self.mean[0]) * per_l1;
+            let z2 = (dv - l2 * z1) * per_l3;
+            let half = -0.5 * (z1 * z1 + z2 * z2);
+            *pixel = pi * exp_nonpositive(half as f32) + uniform;
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        for (i, &m) in self.mean.iter().enumerate() {
+            if !m.is_finite() {
+                return Err(Error::element("mean", &[i], "finite", m));
+            }
+        }
+        for (i, &l) in self.chol.iter().enumerate() {
+            if !l.is_finite() {
+                return Err(Error::element("chol", &[i], "finite", l));
+            }
+            if i != 1 && !(SMALLEST..=LARGEST).contains(&l) {
+                let expected = "(L1, L2, L3) with L1 and L3 between 1e-100 and 1e100";
+                return Err(Error::element("chol", &[i], expected, l));
+            }
+            if l.abs() > LARGEST {
+                return Err(Error::element("chol", &[i], "at most 1e100", l));
+            }
+        }
+        if !(SMALLEST..=LARGEST).contains(&self.cutoff) {
+            let expected = "positive, between 1e-100 and 1e100";
+            return Err(Error::scalar("cutoff", expected, self.cutoff));
+        }
+        if !(0.0..=1.0).contains(&self.mixing) {
+            return Err(Error::scalar("mixing", "in [0, 1]", self.mixing));
+        }
+        Ok(())
+    }
+}
+
+/// Bounds that keep every intermediate product finite.
+const SMALLEST: f64 = 1e-100;
+const LARGEST: f64 = 1e100;

@@ -1,0 +1,155 @@
+//! Gibbs sampling of a landscape with inverse-transform look-up tables (Section IV-B).
+
+use rand_core::RngCore;
+
+use crate::error::{Error, Result};
+use crate::rng::uniform;
+use crate::shape::Shape;
+
+/// A chain over the pixels of a landscape. One sweep draws `u` from the row, then `v` from the column.
+///
+/// The tables, cumulative sums of rows and columns, are made when the chain first comes by.
+#[derive(Clone, Debug)]
+pub struct Gibbs<'a> {
+    landscape: &'a [f32],
+    shape: Shape,
+    row_sums: Vec<f64>,
+    rows: Tables,
+    columns: Tables,
+    v: usize,
+}
+
+impl<'a> Gibbs<'a> {
+    /// Checks the landscape in one pass; the chain stands nowhere until one of the starts is called.
+    ///
+    /// # Errors
+    /// A pixel that is negative or not finite, or a landscape that is zero everywhere.
+    pub fn new(landscape: &'a [f32], shape: Shape) -> Result<Self> {
+        shape.check("landscape", landscape.len())?;
+        let mut row_sums = Vec::with_capacity(shape.height());
+        for (v, row) in landscape.chunks_exact(shape.width()).enumerate() {
+            row_sums.push(
+                checked_sum(row)
+                    .map_err(|u| Error::element("landscape", &[v, u], "finite and >= 0", row[u]))?,
+            );
+        }
+        if !row_sums.iter().any(|&sum| sum > 0.0) {
+            let reason = "is zero everywhere: there is nothing to sample";
+            return Err(Error::conflict("landscape", reason));
+        }
+        Ok(Self {
+            landscape,
+            shape,
+            row_sums,
+            rows: Tables::new(shape.height(), shape.width()),
+            columns: Tables::new(shape.width(), shape.height()),
+            v: 0,
+        })
+    }
+
+    /// Starts at pixel (u, v). A sweep begins with a draw of `u`, so only the row matters.
+    ///
+    /// # Errors
+    /// A pixel outside the image or on a row of zeros.
+    pub fn start_at(&mut self, [u, v]: [usize; 2]) -> Result<()> {
+        if u >= self.shape.width() || v >= self.shape.height() {
+            let (height, width) = (self.shape.height(), self.shape.width());
+            let expected = format!("(u, v) inside the image, u < {width} and v < {height}");
+            return Err(Error::scalar("start", expected, (u, v)));
+        }
+        if self.row_sums[v] <= 0.0 {
+            let expected = "on a row of the landscape that is not zero everywhere";
+            return Err(Error::scalar("start", expected, (u, v)));
+        }
+        self.v = v;
+        Ok(())
+    }
+
+    /// Starts at an exact draw from the landscape, so that no sweep needs to be dropped.
+    pub fn start_drawn(&mut self, rng: &mut impl RngCore) {
+        let mut total = 0.0;
+        let cumulative: Vec<f64> = self
+            .row_sums
+            .iter()
+            .map(|sum| {
+                total += sum;
+                total
+            })
+            .collect();
+        self.v = invert(&cumulative, uniform(rng));
+    }
+
+    /// One sweep; returns the pixel (u, v) where the chain then stands.
+    pub fn sweep(&mut self, rng: &mut impl RngCore) -> [usize; 2] {
+        let width = self.shape.width();
+        let start = self.v * width;
+        let row = self.rows.get(self.v, || self.landscape[start..start + width].iter());
+        let u = invert(row, uniform(rng));
+        let column = self.columns.get(u, || self.landscape[u..].iter().step_by(width));
+        self.v = invert(column, uniform(rng));
+        [u, self.v]
+    }
+}
+
+/// Sum of a row, or the index of its first pixel that is negative or not finite.
+fn checked_sum(row: &[f32]) -> std::result::Result<f64, usize> {
+    const LANES: usize = 8;
+    let valid = |p: f32| (0.0..f32::INFINITY).contains(&p);
+    let (mut sums, mut fine) = ([0.0_f64; LANES], true);
+    let mut chunks = row.chunks_exact(LANES);
+    for chunk in &mut chunks {
+        for (sum, &p) in sums.iter_mut().zip(chunk) {
+            *sum += f64::from(p);
+            fine &= valid(p);
+        }
+    }
+    for (sum, &p) in sums.iter_mut().zip(chunks.remainder()) {
+        *sum += f64::from(p);
+        fine &= valid(p);
+    }
+    if fine {
+        return Ok(sums.iter().sum());
+    }
+    Err(row.iter().position(|&p| !valid(p)).unwrap_or(0))
+}
+
+/// Cumulative sums of the lines (rows or columns) that have been visited.
+#[derive(Clone, Debug)]
+struct Tables {
+    sums: Vec<f64>,
+    made: Vec<bool>,
+    length: usize,
+}
+
+impl Tables {
+    fn new(lines: usize, length: usize) -> Self {
+        Self { sums: vec![0.0; lines * length], made: vec![false; lines], length }
+    }
+
+    fn get<'p, I: Iterator<Item = &'p f32>>(&mut self, line: usize, pixels: impl FnOnce() -> I) -> &[f64] {
+        let sums = &mut self.sums[line * self.length..(line + 1) * self.length];
+        if !self.made[line] {
+            self.made[line] = true;
+            let mut total = 0.0;
+            for (sum, &p) in sums.iter_mut().zip(pixels()) {
+                total += f64::from(p);
+                *sum = total;
+            }
+        }
+        sums
+    }
+}
+
+/// The first index whose cumulative sum exceeds `x` times the total, for `x` in `[0, 1)`.
+///
+/// An index of zero mass adds nothing to its predecessor's sum and so is never the first.
+fn invert(cumulative: &[f64], x: f64) -> usize {
+    let total = cumulative.last().copied().unwrap_or(0.0);
+    let target = x * total;
+    let index = cumulative.partition_point(|&sum| sum <= target);
+    if index < cumulative.len() {
+        return index;
+    }
+    // Rounding took the target up to the total: the last index that has mass.
+    cumulative.partition_point(|&sum| sum < total)
+}

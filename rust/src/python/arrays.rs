@@ -1,0 +1,261 @@
+//! NumPy arrays: small ones are copied to float64, images are borrowed, outputs are borrowed for writing.
+//!
+//! A borrowed image is C-contiguous, aligned and in native byte order, whatever it was given as: anything
+//! else is copied first. Note that "contiguous" of the `numpy` crate means C *or* Fortran order.
+
+use numpy::{
+    Element, Ix2, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyReadonlyArray2,
+    PyReadwriteArray2, PyUntypedArray, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyFloat, PyInt, PyList, PyTuple};
+
+use super::errors::{format_shape, wrong_type};
+use crate::error::{Argument, Error};
+use crate::shape::Shape;
+
+/// Numbers of a small argument, row-major, and their shape.
+pub struct Numbers {
+    pub values: Vec<f64>,
+    pub shape: Vec<usize>,
+}
+
+/// Reads a small argument: an array of float32 or float64, or plain (nested) lists of numbers.
+pub fn numbers(argument: impl Into<Argument>, object: &Bound<'_, PyAny>) -> PyResult<Numbers> {
+    let argument = argument.into();
+    if let Ok(array) = object.cast::<PyUntypedArray>() {
+        return floats(argument, array);
+    }
+    let plain = object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>();
+    if plain && let Some(values) = flat(object) {
+        return Ok(Numbers { shape: vec![values.len()], values });
+    }
+    static ASARRAY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let expected = "an array of float32 or float64, or lists of numbers";
+    let asarray = ASARRAY.import(object.py(), "numpy", "asarray")?;
+    let array = asarray.call1((object,)).map_err(|_| wrong_type(argument.clone(), expected, object))?;
+    let array =
+        array.cast_into::<PyUntypedArray>().map_err(|_| wrong_type(argument.clone(), expected, object))?;
+    match array.dtype().kind() {
+        b'f' => floats(argument, &array),
+        // Whole numbers in a Python list are still numbers; an integer array is a decision, and an error.
+        b'i' | b'u' if plain => copied(&array),
+        _ => Err(wrong_type(argument, expected, object)),
+    }
+}
+
+/// A list or tuple that holds nothing but floats and ints.
+fn flat(object: &Bound<'_, PyAny>) -> Option<Vec<f64>> {
+    fn number(item: &Bound<'_, PyAny>) -> Option<f64> {
+        if let Ok(float) = item.cast::<PyFloat>() {
+            return Some(float.value());
+        }
+        item.cast_exact::<PyInt>().ok()?.extract().ok()
+    }
+    if let Ok(tuple) = object.cast::<PyTuple>() {
+        return tuple.iter().map(|item| number(&item)).collect();
+    }
+    object.cast::<PyList>().ok()?.iter().map(|item| number(&item)).collect()
+}
+
+fn floats(argument: Argument, array: &Bound<'_, PyUntypedArray>) -> PyResult<Numbers> {
+    check_float(&argument, array)?;
+    if array.is_c_contiguous() && array.is_aligned() {
+        let shape = array.shape().to_vec();
+        if let Ok(array) = array.cast::<numpy::PyArrayDyn<f64>>() {
+            let array = array.try_readonly().map_err(|_| busy(argument))?;
+            return Ok(Numbers { values: array.as_slice()?.to_vec(), shape });
+        }
+        if let Ok(array) = array.cast::<numpy::PyArrayDyn<f32>>() {
+            let array = array.try_readonly().map_err(|_| busy(argument))?;
+            let values = array.as_slice()?.iter().map(|&x| f64::from(x)).collect();
+            return Ok(Numbers { values, shape });
+        }
+    }
+    copied(array)
+}
+
+/// Checks for float32 or float64 of either byte order.
+fn check_float(argument: &Argument, array: &Bound<'_, PyUntypedArray>) -> PyResult<()> {
+    let dtype = array.dtype();
+    if dtype.kind() != b'f' || !matches!(dtype.itemsize(), 4 | 8) {
+        let expected = "an array of float32 or float64";
+        return Err(wrong_type(argument.clone(), expected, array.as_any()));
+    }
+    if !array.is_exact_instance_of::<PyUntypedArray>() && array.hasattr("mask")? {
+        let expected = "an array without a mask";
+        return Err(wrong_type(argument.clone(), expected, array.as_any()));
+    }
+    Ok(())
+}
+
+/// A copy in float64, native, aligned and in C order.
+fn copied(array: &Bound<'_, PyUntypedArray>) -> PyResult<Numbers> {
+    let copy = native::<f64>(array)?;
+    let shape = array.shape().to_vec();
+    let copy = copy.cast_into::<numpy::PyArrayDyn<f64>>().map_err(PyErr::from)?;
+    let values = copy.try_readonly().map_err(PyErr::from)?.as_slice()?.to_vec();
+    Ok(Numbers { values, shape })
+}
+
+fn native<'py, T: Element>(array: &Bound<'py, PyUntypedArray>) -> PyResult<Bound<'py, PyAny>> {
+    let dtype = numpy::dtype::<T>(array.py());
+    // astype(dtype, order, casting, subok): always a new array, and a plain one.
+    array.call_method1("astype", (dtype, "C", "unsafe", false))
+}
+
+/// Rows of a fixed number of numbers, for points and their widths.
+pub fn rows<const N: usize>(
+    argument: impl Into<Argument>,
+    object: &Bound<'_, PyAny>,
+) -> PyResult<Vec<[f64; N]>> {
+    let argument = argument.into();
+    let Numbers { values, shape } = numbers(argument.clone(), object)?;
+    if shape.len() != 2 || shape[1] != N {
+        return Err(Error::shape(argument, format!("(N, {N})"), format_shape(&shape)).into());
+    }
+    Ok(values.as_chunks().0.to_vec())
+}
+
+/// A vector of a fixed size.
+pub fn vector<const N: usize>(
+    argument: impl Into<Argument>,
+    object: &Bound<'_, PyAny>,
+) -> PyResult<[f64; N]> {
+    let argument = argument.into();
+    let Numbers { values, shape } = numbers(argument.clone(), object)?;
+    match values.try_into() {
+        Ok(values) if shape.len() == 1 => Ok(values),
+        _ => Err(Error::shape(argument, format!("({N},)"), format_shape(&shape)).into()),
+    }
+}
+
+/// A vector of any size.
+pub fn list(argument: impl Into<Argument>, object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    let argument = argument.into();
+    let Numbers { values, shape } = numbers(argument.clone(), object)?;
+    if shape.len() != 1 {
+        return Err(Error::shape(argument, "(N,)", format_shape(&shape)).into());
+    }
+    Ok(values)
+}
+
+/// A borrowed image.
+pub enum Image<'py> {
+    Single(PyReadonlyArray2<'py, f32>),
+    Double(PyReadonlyArray2<'py, f64>),
+}
+
+/// Borrows a landscape of float32 or float64.
+pub fn image<'py>(argument: &'static str, object: &Bound<'py, PyAny>) -> PyResult<(Image<'py>, Shape)> {
+    let expected = "an array (H, W) of float32 or float64";
+    let Ok(array) = object.cast::<PyUntypedArray>() else {
+        return Err(wrong_type(argument, expected, object));
+    };
+    check_float(&argument.into(), array)?;
+    let &[height, width] = array.shape() else {
+        return Err(Error::shape(argument, "(H, W)", format_shape(array.shape())).into());
+    };
+    let shape = Shape::new(height, width).map_err(|e| e.renamed(|_| argument.into()))?;
+    if let Some(array) = borrowed::<f32>(argument, object)? {
+        return Ok((Image::Single(array), shape));
+    }
+    if let Some(array) = borrowed::<f64>(argument, object)? {
+        return Ok((Image::Double(array), shape));
+    }
+    let image = if array.dtype().itemsize() == 4 {
+        let copy = native::<f32>(array)?.cast_into::<PyArray2<f32>>()?;
+        Image::Single(copy.try_readonly()?)
+    } else {
+        let copy = native::<f64>(array)?.cast_into::<PyArray2<f64>>()?;
+        Image::Double(copy.try_readonly()?)
+    };
+    Ok((image, shape))
+}
+
+/// The array itself if it has this type and can be read as one slice in C order.
+fn borrowed<'py, T: Element>(
+    argument: &'static str,
+    object: &Bound<'py, PyAny>,
+) -> PyResult<Option<PyReadonlyArray2<'py, T>>> {
+    match object.cast::<PyArray2<T>>() {
+        Ok(array) if array.is_c_contiguous() && array.is_aligned() => {
+            Ok(Some(array.try_readonly().map_err(|_| busy(argument))?))
+        }
+        _ => Ok(None),
+    }
+}
+
+/// The array to write a landscape to: the caller's or a new one, in either case not yet initialised.
+pub fn output<'py>(
+    argument: impl Into<Argument>,
+    out: Option<&Bound<'py, PyAny>>,
+    shape: Shape,
+    inputs: &[&Bound<'py, PyAny>],
+    py: Python<'py>,
+) -> PyResult<PyReadwriteArray2<'py, f32>> {
+    let Some(out) = out else {
+        return empty(py, [shape.height(), shape.width()]);
+    };
+    let argument = argument.into();
+    let (height, width) = (shape.height(), shape.width());
+    let expected = format!("a writable C-contiguous float32 array of shape ({height}, {width})");
+    let wrong =
+        |found: &str| -> PyErr { Error::shape(argument.clone(), expected.clone(), found.to_owned()).into() };
+    let Ok(untyped) = out.cast::<PyUntypedArray>() else {
+        return Err(wrong_type(argument, expected, out));
+    };
+    let Ok(array) = out.cast::<PyArray2<f32>>() else {
+        if untyped.dtype().is_equiv_to(&numpy::dtype::<f32>(py)) {
+            return Err(wrong(&format_shape(untyped.shape())));
+        }
+        return Err(wrong_type(argument, expected, out));
+    };
+    if array.shape() != [height, width] {
+        return Err(wrong(&format_shape(array.shape())));
+    }
+    if !(array.is_c_contiguous() && array.is_aligned()) {
+        return Err(wrong("one that is not contiguous in C order"));
+    }
+    static SHARE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    for input in inputs {
+        if input.is_instance_of::<PyUntypedArray>() {
+            let share = SHARE.import(py, "numpy", "may_share_memory")?;
+            if share.call1((out, input))?.is_truthy()? {
+                return Err(Error::conflict(argument, "overlaps an input in memory").into());
+            }
+        }
+    }
+    match array.try_readwrite() {
+        Ok(array) => Ok(array),
+        Err(numpy::BorrowError::NotWriteable) => Err(wrong("one that is read-only")),
+        Err(_) => Err(busy(argument)),
+    }
+}
+
+/// A new array. NumPy allocates it, so that a lack of memory is Python's `MemoryError`.
+pub fn empty<'py, T: Element>(py: Python<'py>, shape: [usize; 2]) -> PyResult<PyReadwriteArray2<'py, T>> {
+    static EMPTY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let empty = EMPTY.import(py, "numpy", "empty")?;
+    let array = empty.call1((shape_tuple(shape), numpy::dtype::<T>(py)))?;
+    Ok(array.cast_into::<numpy::PyArray<T, Ix2>>()?.try_readwrite()?)
+}
+
+fn shape_tuple([height, width]: [usize; 2]) -> (usize, usize) {
+    (height, width)
+}
+
+/// The array behind a borrow, which ends here.
+pub fn release<T: Element>(array: PyReadwriteArray2<'_, T>) -> Bound<'_, PyArray2<T>> {
+    (**array).clone()
+}
+
+/// A new vector.
+pub fn vector_array<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
+    PyArray1::from_slice(py, values)
+}
+
+fn busy(argument: impl Into<Argument>) -> PyErr {
+    Error::Busy { argument: argument.into() }.into()
+}

@@ -1,0 +1,21 @@
+//! `motorprime._core`: the border to Python. It validates, detaches from the interpreter and converts.
+
+mod arrays;
+mod errors;
+mod landscape;
+mod mlp;
+mod sampling;
+mod scalars;
+
+use pyo3::prelude::*;
+
+/// Kernels of motorprime. The documented faces of these functions are in the package's own modules.
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use super::landscape::{gaussian_landscape, gaussian_landscapes, kernel_landscape, kernel_landscapes};
+    #[pymodule_export]
+    use super::mlp::Mlp;
+    #[pymodule_export]
+    use super::sampling::{gibbs_sample, threshold};
+}

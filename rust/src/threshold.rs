@@ -1,0 +1,237 @@
+//! The threshold that leaves a given number of pixels (Section IV-A).
+
+use crate::error::{Error, Result};
+use crate::shape::Shape;
+
+/// How the threshold is found; both methods give the same number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Sort all pixels with quicksort and read off the value, as the paper does.
+    Quicksort,
+    /// Find the one value without sorting the others.
+    Select,
+}
+
+impl Method {
+    /// The names that [`Method::named`] knows.
+    pub const NAMES: &[&str] = &["select", "quicksort"];
+
+    /// The method of that name.
+    ///
+    /// # Errors
+    /// An unknown name; the error lists the known ones.
+    pub fn named(name: &str) -> Result<Self> {
+        match name {
+            "quicksort" => Ok(Self::Quicksort),
+            "select" => Ok(Self::Select),
+            _ => Err(Error::Unknown { argument: "method".into(), known: Self::NAMES, found: name.into() }),
+        }
+    }
+}
+
+/// How many pixels shall be at or above the threshold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wanted {
+    /// A share of the pixels, in (0, 1].
+    Fraction(f64),
+    /// A number of pixels of the full image, at least 1.
+    Count(u64),
+}
+
+/// A pixel of a landscape: float32, or float64 so that a caller's own comparison `landscape >= d` holds.
+pub trait Pixel: Copy + PartialOrd {
+    /// Unsigned integer of the same size.
+    type Bits: Copy + Ord;
+    /// The bits of a non-negative number, which order like the numbers themselves.
+    fn bits(self) -> Self::Bits;
+    /// The number of such bits.
+    fn from_bits(bits: Self::Bits) -> f64;
+    /// Whether the pixel is finite and not negative.
+    fn valid(self) -> bool;
+    /// Whether the pixel is above zero.
+    fn positive(self) -> bool;
+    /// The number in float64.
+    fn value(self) -> f64;
+}
+
+macro_rules! pixel {
+    ($float:ty, $bits:ty) => {
+        impl Pixel for $float {
+            type Bits = $bits;
+            fn bits(self) -> $bits {
+                self.to_bits()
+            }
+            fn from_bits(bits: $bits) -> f64 {
+                f64::from(<$float>::from_bits(bits))
+            }
+            fn valid(self) -> bool {
+                (0.0..<$float>::INFINITY).contains(&self)
+            }
+            fn positive(self) -> bool {
+                self > 0.0
+            }
+            fn value(self) -> f64 {
+                f64::from(self)
+            }
+        }
+    };
+}
+pixel!(f32, u32);
+pixel!(f64, u64);
+
+/// The largest `d` such that at least the wanted number of pixels are `>= d`.
+///
+/// A fraction asks for `ceil(fraction * pixels - 1e-9)` pixels. Where fewer pixels are positive than
+/// wanted, `d` is the smallest positive value. With `stride > 1` only every stride-th row and column is
+/// read, and a count is divided by `stride^2` and rounded up.
+///
+/// # Errors
+/// A pixel that is negative or not finite, a wanted number or stride outside its domain, or no positive pixel.
+pub fn threshold<T: Pixel>(
+    landscape: &[T],
+    shape: Shape,
+    wanted: Wanted,
+    stride: usize,
+    method: Method,
+) -> Result<f64> {
+    shape.check("landscape", landscape.len())?;
+    if stride == 0 {
+        return Err(Error::scalar("stride", "at least 1", stride));
+    }
+    check_pixels(landscape, shape)?;
+    let rows = shape.height().div_ceil(stride);
+    let columns = shape.width().div_ceil(stride);
+    let wanted = wanted.of(rows * columns, stride)?;
+
+    let mut values = Vec::with_capacity(rows * columns);
+    if stride == 1 {
+        collect_positive(landscape.iter(), &mut values);
+    } else {
+        for row in landscape.chunks_exact(shape.width()).step_by(stride) {
+            collect_positive(row.iter().step_by(stride), &mut values);
+        }
+    }
+    if values.is_empty() {
+        let reason = if stride == 1 {
+            "is zero everywhere: there is nothing to look at".to_owned()
+        } else {
+            format!("is zero on every pixel of landscape[::{stride}, ::{stride}]")
+        };
+        return Err(Error::conflict("landscape", reason));
+    }
+    // Ascending, the wanted-th largest stands that far from the end; zeros were never collected.
+    let rank = values.len().saturating_sub(wanted);
+    let bits = match method {
+        Method::Quicksort => {
+            quicksort(&mut values);
+            values[rank]
+        }
+        Method::Select => *values.select_nth_unstable(rank).1,
+    };
+    Ok(T::from_bits(bits))
+}
+
+impl Wanted {
+    /// The number of pixels to find among `pixels`.
+    fn of(self, pixels: usize, stride: usize) -> Result<usize> {
+        match self {
+            Self::Fraction(fraction) if fraction > 0.0 && fraction <= 1.0 => {
+                // The small term keeps 0.3 * 10 from asking for four pixels.
+                let wanted = (fraction * pixels as f64 - 1e-9).ceil();
+                Ok((wanted as usize).max(1))
+            }
+            Self::Fraction(fraction) => Err(Error::scalar("fraction", "in (0, 1]", fraction)),
+            Self::Count(0) => Err(Error::scalar("count", "at least 1", 0)),
+            Self::Count(count) => {
+                let square = (stride as u64).saturating_mul(stride as u64);
+                Ok(usize::try_from(count.div_ceil(square)).unwrap_or(usize::MAX))
+            }
+        }
+    }
+}
+
+/// Checks in one pass that every pixel is finite and not negative.
+pub fn check_pixels<T: Pixel>(landscape: &[T], shape: Shape) -> Result<()> {
+    let fine = |pixels: &[T]| pixels.iter().fold(true, |fine, p| fine & p.valid());
+    if landscape.chunks(1024).all(fine) {
+        return Ok(());
+    }
+    let at = landscape.iter().position(|p| !p.valid()).unwrap_or(0);
+    let index = [at / shape.width(), at % shape.width()];
+    Err(Error::element("landscape", &index, "finite and >= 0", landscape[at].value()))
+}
+
+fn collect_positive<'a, T: Pixel + 'a>(pixels: impl Iterator<Item = &'a T>, values: &mut Vec<T::Bits>) {
+    values.extend(pixels.filter(|p| p.positive()).map(|p| p.bits()));
+}
+
+/// Slices up to this length are sorted by insertion.
+const SHORT: usize = 24;
+
+/// Hoare's quicksort, ascending, with the median of three as pivot.
+///
+/// Recurses into the shorter part only, so the stack stays logarithmic; an input made to defeat the pivot
+/// is handed to the standard library's sort before it turns quadratic.
+pub fn quicksort<T: Copy + Ord>(values: &mut [T]) {
+    let allowed = 4 * values.len().checked_ilog2().unwrap_or(0);
+    sort(values, allowed);
+
+    fn sort<T: Copy + Ord>(mut values: &mut [T], mut allowed: u32) {
+        while values.len() > SHORT {
+            if allowed == 0 {
+                values.sort_unstable();
+                return;
+            }
+            allowed -= 1;
+            let middle = partition(values);
+            let (left, right) = values.split_at_mut(middle);
+            let (short, long) = if left.len() < right.len() { (left, right) } else { (right, left) };
+            sort(short, allowed);
+            values = long;
+        }
+        insertion_sort(values);
+    }
+}
+
+/// Splits so that nothing left of the returned index exceeds anything right of it; both sides are non-empty.
+fn partition<T: Copy + Ord>(values: &mut [T]) -> usize {
+    let (mut i, mut j) = (0_usize, values.len() - 1);
+    let middle = i.midpoint(j);
+    if values[middle] < values[i] {
+        values.swap(middle, i);
+    }
+    if values[j] < values[i] {
+        values.swap(j, i);
+    }
+    if values[j] < values[middle] {
+        values.swap(j, middle);
+    }
+    let pivot = values[middle];
+    // Stopping on equal values splits a run of ties in the middle, where a landscape has many.
+    loop {
+        while values[i] < pivot {
+            i += 1;
+        }
+        while pivot < values[j] {
+            j -= 1;
+        }
+        if i >= j {
+            return j + 1;
+        }
+        values.swap(i, j);
+        i += 1;
+        j -= 1;
+    }
+}
+
+fn insertion_sort<T: Copy + Ord>(values: &mut [T]) {
+    for end in 1..values.len() {
+        let value = values[end];
+        let mut at = end;
+        while at > 0 && value < values[at - 1] {
+            values[at] = values[at - 1];
+            at -= 1;
+        }
+        values[at] = value;
+    }
+}
