@@ -46,6 +46,13 @@ def rows(name: str, value: npt.ArrayLike, columns: int, *, nan: bool = False) ->
     return array
 
 
+def image_shape(name: str, value: object) -> tuple[int, int]:
+    """Return ``value`` as (height, width); only the pair is checked here, the sizes where they are used."""
+    if not isinstance(value, (tuple, list)) or len(value) != 2:
+        raise ArgumentError(f"{name}: expected (height, width), got {value!r}")
+    return value[0], value[1]
+
+
 def fixed(name: str, value: npt.ArrayLike, shape: tuple[int, ...]) -> Floats:
     """Return ``value`` as finite float64 of exactly this shape."""
     array = numbers(name, value)

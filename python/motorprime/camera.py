@@ -15,7 +15,7 @@ from os import PathLike
 import numpy as np
 import numpy.typing as npt
 
-from motorprime._arrays import Floats, finite, fixed, numbers, rows
+from motorprime._arrays import Floats, finite, fixed, image_shape, numbers, rows
 from motorprime.errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
 from motorprime.lens import Lens
 
@@ -84,7 +84,7 @@ class Camera:
             raise ArgumentError(
                 f"matrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew, got {k.tolist()}"
             )
-        height, width = shape
+        height, width = image_shape("shape", shape)
         return cls(width, height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], distortion)
 
     @classmethod

@@ -165,7 +165,7 @@ def _numbers(path: _Path, key: str, value: Value, shape: tuple[int, ...] | None)
             raise ArgumentError(f"{path}: {key}: no key {missing[0]}")
         size = _size(path, f"{key}: rows", value["rows"], 0), _size(path, f"{key}: cols", value["cols"], 0)
         value = value["data"]
-    if not isinstance(value, list) or not all(isinstance(item, (int, float)) for item in value):
+    if not isinstance(value, list) or not all(_is_number(item) for item in value):
         raise ArgumentError(f"{path}: {key}: expected a list of numbers, got {value!r}")
     array = np.array(value, np.float64)
     if size is not None and size[0] * size[1] != array.size:
@@ -181,6 +181,10 @@ def _numbers(path: _Path, key: str, value: Value, shape: tuple[int, ...] | None)
 
 
 def _size(path: _Path, key: str, value: object, at_least: int = 1) -> int:
-    if not isinstance(value, (int, float)) or value != round(value) or value < at_least:
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or value % 1 != 0 or value < at_least:
         raise ArgumentError(f"{path}: {key}: expected an integer >= {at_least}, got {value!r}")
     return round(value)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -40,8 +40,8 @@ class Lens:
         self._bottom = np.array([k6, k5, k4, 1.0])
         self.limit = self._find_limit()
         self._tilt = _tilt_homography(self._k[12], self._k[13])
-        self._untilt: Floats | None = None if self._tilt is None else np.linalg.inv(self._tilt)
-        radius = np.tan(np.linspace(0.0, min(math.atan(self.limit), _WIDEST), _KNOTS))
+        self._untilt = None if self._tilt is None else np.asarray(np.linalg.inv(self._tilt), np.float64)
+        radius = np.tan(np.linspace(0.0, min(math.atan(self.limit) * (1.0 - 1e-9), _WIDEST), _KNOTS))
         self._table = radius * self._radial(radius**2)[0], radius
 
     def distort(self, xy: Floats) -> Floats:
@@ -89,9 +89,10 @@ class Lens:
                 error = self._bend(guess) - target
                 if not (np.abs(error) > _TOLERANCE).any():
                     break
+                # A step may leave the range of the model: let it go at most half of the way to the limit.
+                furthest = (np.hypot(guess[:, 0], guess[:, 1]) + self.limit) / 2.0
                 guess = guess - _solve2(self._bend_jacobian(guess), error)
-                # Close to the fold a step may leave the range of the model.
-                guess /= np.maximum(1.0, np.hypot(guess[:, 0], guess[:, 1]) / self.limit)[:, None]
+                guess /= np.maximum(1.0, np.hypot(guess[:, 0], guess[:, 1]) / furthest)[:, None]
             # Far out the rounding of the coordinates themselves is larger than the tolerance.
             missed = ~(np.abs(self._bend(guess) - target).max(axis=1) <= 1e-9 * (1.0 + radius))
         guess[missed] = np.nan
@@ -100,10 +101,9 @@ class Lens:
     def _radial(self, s: Floats) -> tuple[Floats, Floats]:
         """Return c(s) and dc/ds."""
         top, bottom = np.polyval(self._top, s), np.polyval(self._bottom, s)
-        slope: Floats = np.polyval(np.polyder(self._top), s) * bottom - top * np.polyval(
-            np.polyder(self._bottom), s
-        )
-        return top / bottom, slope / bottom**2
+        top_slope = np.polyval(np.polyder(self._top), s)
+        bottom_slope = np.polyval(np.polyder(self._bottom), s)
+        return top / bottom, (top_slope * bottom - top * bottom_slope) / bottom**2
 
     def _bend_jacobian(self, xy: Floats) -> Floats:
         """Derive the model without the tilt."""

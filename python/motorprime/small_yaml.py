@@ -15,7 +15,7 @@ from motorprime.errors import ArgumentError
 Value: TypeAlias = Union[str, int, float, bool, "list[Value]", "dict[str, Value]", None]
 
 _KEY = re.compile(r"([A-Za-z_][\w./-]*|\"[^\"\\]*\"|'[^']*')\s*:(?:\s+|$)")
-_INTEGER = re.compile(r"[-+]?[0-9]+")
+_INTEGER = re.compile(r"[-+]?[0-9]{1,300}")
 _FLOAT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _TOKEN = re.compile(r"\s*(\"[^\"\\]*\"|'[^']*'|[\[\]{},]|:(?=\s|$)|(?:[^\s\[\]{},:]|:(?=\S))+)")
 _WORDS: dict[str, Value] = {"true": True, "false": False, "null": None, "~": None, "": None}

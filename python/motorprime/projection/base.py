@@ -66,6 +66,8 @@ class PosedProjection(Projection):
 
     def __init__(self, cameras: Mapping[str, Camera]) -> None:
         """Take the cameras by name, in the order of the results."""
+        if not isinstance(cameras, Mapping):
+            raise ArgumentTypeError(f"cameras: expected a mapping of names, got {type(cameras).__name__}")
         if not cameras:
             raise ArgumentError("cameras: expected at least one camera, got none")
         for name, camera in cameras.items():
@@ -120,6 +122,10 @@ class PosedProjection(Projection):
         return points
 
     def _check_pixels(self, pixels: Mapping[str, npt.ArrayLike]) -> dict[str, Floats]:
+        if not isinstance(pixels, Mapping):
+            raise ArgumentTypeError(
+                f"pixels: expected a mapping of camera names, got {type(pixels).__name__}"
+            )
         unknown = [name for name in pixels if name not in self._cameras]
         if unknown:
             raise ArgumentError(f"pixels: unknown camera {unknown[0]!r}; there are {', '.join(self.cameras)}")
@@ -150,13 +156,10 @@ def _nearest_to_rays(cameras: list[PosedCamera], targets: Floats) -> tuple[Float
     determined &= np.linalg.eigvalsh(normal)[:, 0] >= 1.0 - math.cos(MIN_ANGLE)
     points = np.full((count, 3), np.nan)
     points[determined] = np.linalg.solve(normal[determined], right[determined, :, None])[:, :, 0]
+    behind = np.zeros(count, np.bool_)
     for camera, seen in zip(cameras, visible, strict=True):
-        points[determined] = np.where(
-            (seen[determined] & (camera.depth(points[determined]) < MIN_DEPTH))[:, None],
-            np.nan,
-            points[determined],
-        )
-        determined &= ~np.isnan(points[:, 0])
+        behind |= seen & (camera.depth(np.where(determined[:, None], points, 0.0)) < MIN_DEPTH)
+    points[behind] = np.nan
     return points, visible
 
 
@@ -166,11 +169,8 @@ def _refine(
     """Gauss-Newton on the reprojection error of all points at once; never worse than the start."""
 
     def evaluate(points: Floats) -> tuple[Floats, Floats, Floats]:
-        cost, gradient, hessian = (
-            np.zeros(len(points)),
-            np.zeros((len(points), 3)),
-            np.zeros((len(points), 3, 3)),
-        )
+        n = len(points)
+        cost, gradient, hessian = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
         for camera, target, seen in zip(cameras, targets, visible, strict=True):
             local = camera.to_camera(points)
             error = np.where(seen[:, None], camera.camera.project(local) - target, 0.0)
@@ -183,16 +183,20 @@ def _refine(
 
     cost, gradient, hessian = evaluate(points)
     for _ in range(_ITERATIONS):
-        solvable = np.isfinite(cost)
+        # A trace of damping, far below the steps' precision, keeps a singular system from raising.
+        size = np.trace(hessian, axis1=1, axis2=2)
+        hessian = hessian + 1e-13 * size[:, None, None] * np.eye(3)
+        solvable = np.isfinite(cost) & (size > 0.0)
         step = np.zeros_like(points)
         step[solvable] = np.linalg.solve(hessian[solvable], gradient[solvable, :, None])[:, :, 0]
         new = evaluate(points - step)
         with np.errstate(invalid="ignore"):
             better = new[0] < cost
         points = np.where(better[:, None], points - step, points)
+        cost = np.where(better, new[0], cost)
         if not (better & (np.abs(step).max(axis=1) > _STEP)).any():
             break
-        cost = np.where(better, new[0], cost)
         gradient = np.where(better[:, None], new[1], gradient)
         hessian = np.where(better[:, None, None], new[2], hessian)
-    return points
+    # Without a cost the point lies where a lens bends nothing into the image.
+    return np.where(np.isfinite(cost)[:, None], points, np.nan)

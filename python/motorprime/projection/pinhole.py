@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from motorprime._arrays import Floats, fixed
+from motorprime._arrays import Floats, fixed, image_shape
 from motorprime.camera import Camera, PosedCamera
-from motorprime.errors import ArgumentError, StateError
+from motorprime.errors import ArgumentError, ArgumentTypeError, StateError
 from motorprime.projection.base import PosedProjection
 
 _SKEW = 1e-4  # relative to fx: 0.05 px at the edge of a 1000 px image
@@ -34,6 +34,8 @@ class PinholeProjection(PosedProjection):
         shape: tuple[int, int] | Mapping[str, tuple[int, int]] | None = None,
     ) -> None:
         """Decompose the matrices."""
+        if not isinstance(cameras, Mapping):
+            raise ArgumentTypeError(f"cameras: expected a mapping of names, got {type(cameras).__name__}")
         if isinstance(shape, Mapping):
             unknown = [name for name in shape if name not in cameras]
             if unknown:
@@ -45,8 +47,8 @@ class PinholeProjection(PosedProjection):
                 self._posed[name] = _decompose(f"cameras[{name!r}]", camera, size)
                 continue
             known = camera.camera.height, camera.camera.width
-            if size is not None and tuple(size) != known:
-                raise ArgumentError(f"shape: camera {name!r} has {known}, got {tuple(size)}")
+            if size is not None and image_shape("shape", size) != known:
+                raise ArgumentError(f"shape: camera {name!r} has {known}, got {size}")
             self._posed[name] = camera
         super().__init__({name: camera.camera for name, camera in self._posed.items()})
 
@@ -84,7 +86,7 @@ def _decompose(name: str, matrix: npt.ArrayLike, shape: tuple[int, int] | None) 
             f"{name}: expected a camera without skew, got skew {k[0, 1]:.3g} px at fx = {k[0, 0]:.6g} px; "
             "calibrate without it and pass a PosedCamera"
         )
-    height, width = (0, 0) if shape is None else shape
+    height, width = (0, 0) if shape is None else image_shape("shape", shape)
     pose = np.eye(4)
     pose[:3, :3] = rotation.T
     pose[:3, 3] = -np.linalg.solve(p[:, :3], p[:, 3])
