@@ -100,10 +100,12 @@ class Lens:
 
     def _radial(self, s: Floats) -> tuple[Floats, Floats]:
         """Return c(s) and dc/ds."""
-        top, bottom = np.polyval(self._top, s), np.polyval(self._bottom, s)
-        top_slope = np.polyval(np.polyder(self._top), s)
-        bottom_slope = np.polyval(np.polyder(self._bottom), s)
-        return top / bottom, (top_slope * bottom - top * bottom_slope) / bottom**2
+        k1, k2, _, _, k3, k4, k5, k6 = self._k[:8]
+        top, top_slope = 1.0 + s * (k1 + s * (k2 + s * k3)), k1 + s * (2.0 * k2 + s * (3.0 * k3))
+        if k4 == k5 == k6 == 0.0:
+            return top, top_slope
+        bottom, bottom_slope = 1.0 + s * (k4 + s * (k5 + s * k6)), k4 + s * (2.0 * k5 + s * (3.0 * k6))
+        return top / bottom, (top_slope - top / bottom * bottom_slope) / bottom
 
     def _bend_jacobian(self, xy: Floats) -> Floats:
         """Derive the model without the tilt."""

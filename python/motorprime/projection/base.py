@@ -17,7 +17,7 @@ MIN_ANGLE = 1e-3
 """Two rays that enclose a smaller angle [rad] are taken as parallel."""
 
 _ITERATIONS = 10
-_STEP = 1e-12  # [m], a smaller step ends the iteration
+_STEP = 1e-9  # [m], a smaller step ends the iteration
 
 
 class Projection(ABC):
