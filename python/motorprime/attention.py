@@ -1,0 +1,112 @@
+"""The cycle: posture or plan -> landscape per camera -> where to look.
+
+:class:`Attention` is all that a robot with its own cameras and its own detector needs; see the README.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import NDArray
+
+from .detectors.base import Mask, Windows
+from .errors import StateError
+from .landscape import gaussian_landscape, gibbs_sample, threshold
+from .motorplan import motorplan_landscape
+from .peripersonal import ProjectedGaussian, ReachCloud, covered, fit_peripersonal
+from .projection import Projection
+
+
+@dataclass(frozen=True)
+class Look:
+    """Where to look in one camera's image.
+
+    Attributes:
+        landscape: (H, W) float32, not zero everywhere.
+    """
+
+    landscape: NDArray[np.float32]
+
+    @property
+    def covered(self) -> float:
+        """Fraction of the image where the landscape is positive."""
+        return covered(self.landscape)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the landscape is zero everywhere: nothing motor-relevant lies in this image."""
+        return not bool(self.landscape.any())
+
+    def windows(
+        self, count: int, *, size: int = 20, seed: int | np.random.Generator | None = None
+    ) -> Windows:
+        """``count`` windows whose centres are Gibbs samples of the landscape (section IV-B).
+
+        Raises:
+            ArgumentError: the landscape is zero everywhere, or ``count`` is negative.
+        """
+        return Windows(gibbs_sample(self.landscape, count, seed=seed), size)
+
+    def mask(self, *, fraction: float | None = None, count: int | None = None) -> Mask:
+        """The most relevant pixels (section IV-A): ``fraction`` of the image, or ``count`` of them.
+
+        Raises:
+            ArgumentError: the landscape is zero everywhere, or not exactly one of the two is given.
+        """
+        level = threshold(self.landscape, fraction=fraction, count=count)
+        return Mask((self.landscape >= level) & (self.landscape > 0.0))
+
+
+class Attention:
+    """Motor-primed attention over the images of a set of cameras.
+
+    Args:
+        projection: from points in the root frame to pixels.
+        cloud: the reachable space, for peripersonal attention; motor plans need none.
+    """
+
+    def __init__(self, projection: Projection, *, cloud: ReachCloud | None = None) -> None:
+        self.projection, self.cloud = projection, cloud
+
+    def peripersonal(self, joints: npt.ArrayLike, *, mixing: float = 1.0) -> dict[str, Look]:
+        """Attention to the reachable space (Eq. 4, 5, 10) in each camera that has it in view.
+
+        Args:
+            joints: gaze posture [rad].
+            mixing: pi of Eq. 10; 1 for thresholds, about 0.2 for windows.
+
+        Raises:
+            NotInViewError: the reachable space is in no camera's view.
+            StateError: this attention has no reach cloud.
+        """
+        return {
+            camera: Look(gaussian_landscape(fit.mean, fit.chol, self.projection.shapes[camera], mixing=mixing))
+            for camera, fit in self.gaussians(joints).items()
+        }
+
+    def gaussians(self, joints: npt.ArrayLike) -> dict[str, ProjectedGaussian]:
+        """The Gaussians (Eq. 2, 3) behind :meth:`peripersonal`."""
+        if self.cloud is None:
+            raise StateError("cloud: peripersonal attention needs a ReachCloud; this Attention has none")
+        return fit_peripersonal(self.cloud, self.projection, joints)
+
+    def motor_plan(
+        self,
+        path: npt.ArrayLike,
+        joints: npt.ArrayLike | None = None,
+        *,
+        width: float | None = None,
+        metres: float | None = None,
+        kernel: str = "triangular",
+    ) -> dict[str, Look]:
+        """Attention to a planned path (N, 3) [m] (Eq. 6-9); see :func:`motorplan_landscape`.
+
+        Cameras in whose image the path leaves no trace are left out.
+        """
+        landscapes = motorplan_landscape(
+            path, self.projection, joints, width=width, metres=metres, kernel=kernel
+        )
+        looks = {camera: Look(landscape) for camera, landscape in landscapes.items()}
+        return {camera: look for camera, look in looks.items() if not look.is_empty}

@@ -1,0 +1,1 @@
+"""From a target to joint angles: gaze, path and inverse kinematics."""

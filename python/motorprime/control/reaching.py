@@ -1,0 +1,177 @@
+"""Inverse kinematics of torso and arm for a pre-grasp of an upright object, and of the way there.
+
+The palm's frame has x along the stretched fingers and z out of the palm. At the pre-grasp the palm faces the
+object's axis from ``STANDOFF`` away, its fingers level; from which side is the solver's choice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import UnreachableError
+from ..kinematics import Floats
+from ..robot import Robot
+from .solver import solve_bounded
+
+STANDOFF = 0.08
+"""Distance [m] of the palm's origin from the object's axis at the pre-grasp point."""
+
+POSITION, FACING, LEVEL, COMFORT = 200.0, 4.0, 1.5, 0.12  # weights: per m, per unit of direction, per rad
+ABOVE = 60.0  # per metre that a point of the arm dips below its clearance over the table
+AZIMUTHS = np.deg2rad(np.arange(-20.0, 111.0, 10.0))  # of the palm's facing: 0 to the left, 90 straight ahead
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The work surface before the robot: a level one, whose place the robot has been told.
+
+    Attributes:
+        height: of its top in the root frame [m].
+        edge: x of its near edge [m] (the root's x points backwards).
+        clearance: of elbow and wrist above it [m].
+    """
+
+    height: float
+    edge: float
+    clearance: float = 0.045
+
+
+@dataclass(frozen=True)
+class Pregrasp:
+    """A posture before the grasp.
+
+    Attributes:
+        angles: (n,) [rad] of ``robot.reach_chain``'s joints.
+        facing: (3,) level unit vector out of the palm, from the palm to the object's axis.
+    """
+
+    angles: Floats
+    facing: Floats
+
+    def point(self, centre: Floats) -> Floats:
+        """The palm's place (3,) [m] before an object whose centre is there."""
+        return centre - STANDOFF * self.facing
+
+
+class ReachSolver:
+    """Solves postures of torso and arm for one robot over one bench."""
+
+    def __init__(self, robot: Robot, bench: Bench | None = None) -> None:
+        self.robot, self.bench = robot, bench
+        self.chain = robot.reach_chain
+        self.names = self.chain.names
+        self.limits = robot.limits(self.names)
+        span = self.limits[:, 1] - self.limits[:, 0]
+        # Keep a little off the limits: a joint at its stop cannot follow a correction.
+        self.limits = self.limits + np.column_stack([0.02 * span, -0.02 * span])
+        self.rest = np.clip(robot.resting(self.names), self.limits[:, 0], self.limits[:, 1])
+        stiff = np.array([3.0 if name in robot.torso else 1.0 for name in self.names])
+        self.comfort = COMFORT * stiff
+        self._links = [
+            robot.tree.chain(robot.root, link) for link in ("r_elbow_1", "r_wrist_1") if link in robot.tree.links
+        ]
+
+    def palm(self, angles: Floats) -> Floats:
+        """Pose (4, 4) of the palm."""
+        return self.chain.forward(angles) @ self.robot.palm.frame
+
+    def pregrasp(self, centre: Floats, start: Floats, *, tolerance: float = 0.004) -> Pregrasp:
+        """The most comfortable pre-grasp of an object centred at ``centre`` (3,) [m].
+
+        Args:
+            centre: middle of the object's axis.
+            start: present angles (n,) [rad].
+            tolerance: largest error of the palm's place [m].
+
+        Raises:
+            UnreachableError: no posture within the joint limits gets there with the palm facing the object.
+        """
+        best: tuple[float, Pregrasp] | None = None
+        nearest = np.inf
+        for azimuth in AZIMUTHS:
+            facing = np.array([-np.sin(azimuth), -np.cos(azimuth), 0.0])
+            for seed in (self.rest, start):
+                angles = self.solve(centre - STANDOFF * facing, facing, seed, hold=self.rest)
+                pose = self.palm(angles)
+                error = float(np.linalg.norm(pose[:3, 3] - (centre - STANDOFF * facing)))
+                turned = float(pose[:3, 2] @ facing)
+                nearest = min(nearest, error)
+                if error > tolerance or turned < np.cos(np.deg2rad(15.0)) or self._sinks(angles) > 0.02:
+                    continue
+                cost = float(np.sum((self.comfort * (angles - self.rest)) ** 2))
+                cost += (LEVEL * pose[2, 0]) ** 2 + (FACING * (1.0 - turned)) ** 2 + 25.0 * self._sinks(angles)
+                if best is None or cost < best[0]:
+                    best = (cost, Pregrasp(angles, facing))
+        if best is None:
+            raise UnreachableError(
+                f"target: out of reach at {np.round(centre, 3)} m; the palm comes within "
+                f"{nearest * 100:.1f} cm of a pre-grasp at best"
+            )
+        return best[1]
+
+    def solve(
+        self, place: Floats, facing: Floats, start: Floats, *, hold: Floats, facing_weight: float = 1.0
+    ) -> Floats:
+        """Angles (n,) that bring the palm to ``place`` (3,), facing ``facing`` (3,), fingers level.
+
+        Args:
+            place: of the palm's origin [m].
+            facing: desired unit z of the palm.
+            start: first guess [rad].
+            hold: angles that are preferred where the task leaves a choice [rad].
+            facing_weight: 0 to 1, how much the palm's direction counts.
+        """
+        frame, weight = self.robot.palm.frame, facing_weight
+
+        def residuals(angles: Floats) -> Floats:
+            pose = self.chain.forward(angles) @ frame
+            return np.concatenate(
+                [
+                    POSITION * (pose[:3, 3] - place),
+                    weight * FACING * (pose[:3, 2] - facing),
+                    [weight * LEVEL * pose[2, 0]],
+                    self.comfort * (angles - hold),
+                    [ABOVE * max(0.0, depth) for depth in self._dips(angles)],
+                ]
+            )
+
+        def jacobian(angles: Floats) -> Floats:
+            tip, geometric = self.chain.jacobian(angles)
+            linear, angular = geometric[:3], geometric[3:]
+            lever = tip[:3, :3] @ frame[:3, 3]
+            pose = tip @ frame
+            # d(R a)/dq = w x (R a) for the palm's axes and for its lever from the link
+            turning = [np.cross(angular.T, vector).T for vector in (lever, pose[:3, 2], pose[:3, 0])]
+            rows = [
+                POSITION * (linear + turning[0]),
+                weight * FACING * turning[1],
+                weight * LEVEL * turning[2][2:3],
+                np.diag(self.comfort),
+                *self._dip_rows(angles),
+            ]
+            return np.vstack(rows)
+
+        return solve_bounded(residuals, start, self.limits, jacobian=jacobian)
+
+    def _dips(self, angles: Floats) -> list[float]:
+        """How far each guarded point of the arm lies below its clearance over the bench [m]."""
+        if self.bench is None:
+            return []
+        return [
+            self.bench.height + self.bench.clearance - pose[2, 3] if pose[0, 3] < self.bench.edge + 0.06 else 0.0
+            for pose in (link.forward(angles[: len(link.names)]) for link in self._links)
+        ]
+
+    def _sinks(self, angles: Floats) -> float:
+        return max([0.0, *self._dips(angles)])
+
+    def _dip_rows(self, angles: Floats) -> list[Floats]:
+        rows = []
+        for dip, link in zip(self._dips(angles), self._links, strict=False):
+            row = np.zeros((1, len(angles)))
+            if dip > 0.0:
+                row[0, : len(link.names)] = -ABOVE * link.jacobian(angles[: len(link.names)])[1][2]
+            rows.append(row)
+        return rows

@@ -1,0 +1,216 @@
+"""Where an upright cylinder of known size stands, from its silhouettes in two or more cameras.
+
+The centroid of a silhouette is not the image of the cylinder's centre: the eye looks down on the top, and
+the near side looks larger. So the centroids are triangulated, and the result is moved until the silhouettes
+that it would have match the seen ones. Where they cannot match, because something hides a part, the position
+is fitted to the outlines, and what sticks out of the predicted outline weighs more than what is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ._arrays import Floats
+from .camera import PosedCamera
+from .detectors.histogram import Silhouette
+from .errors import ArgumentError
+
+RIM = 24  # points on each rim
+ITERATIONS = 5
+GOOD_OVERLAP = 0.93  # from here the centroids are trusted
+MISSING_WEIGHT = 0.3  # of a predicted pixel that is not seen, against a seen one that is not predicted
+FIRST_STEP, LAST_STEP = 0.03, 0.0004  # of the outline fit [m]
+_SHIFT = 5  # fractional bits of polygon corners
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """An upright cylinder: radius and height [m]."""
+
+    radius: float
+    height: float
+
+    def __post_init__(self) -> None:
+        if not (self.radius > 0.0 and self.height > 0.0):
+            raise ArgumentError(f"cylinder: positive sizes expected, got {self.radius} x {self.height} m")
+
+
+@dataclass(frozen=True)
+class Located:
+    """A cylinder's position.
+
+    Attributes:
+        centre: (3,) [m], the middle of its axis, in the root frame.
+        overlap: smallest intersection over union of predicted and seen silhouette over the cameras, 0 to 1.
+        explained: smallest fraction of a seen silhouette that the prediction covers, 0 to 1.
+        visible: smallest fraction of a predicted silhouette that is seen, 0 to 1.
+    """
+
+    centre: Floats
+    overlap: float
+    explained: float
+    visible: float
+
+
+def outline(view: PosedCamera, centre: Floats, cylinder: Cylinder) -> NDArray[np.float32] | None:
+    """Convex outline (M, 2) (u, v) of a cylinder, None where a part of it is behind the camera."""
+    pixels = view.project(_RIMS * (cylinder.radius, cylinder.radius, cylinder.height) + centre)
+    if not np.isfinite(pixels).all():
+        return None
+    return cv2.convexHull(pixels.astype(np.float32))[:, 0]  # type: ignore[return-value]
+
+
+def locate_cylinder(
+    views: Mapping[str, PosedCamera], silhouettes: Mapping[str, Silhouette], cylinder: Cylinder
+) -> Located | None:
+    """Locate a cylinder that stands upright in the root frame.
+
+    Args:
+        views: the cameras at the posture in which the images were taken.
+        silhouettes: what was segmented in each; cameras without one do not count.
+        cylinder: its size.
+
+    Returns:
+        The position, or None where the silhouettes agree on none in front of the cameras.
+
+    Raises:
+        ArgumentError: fewer than two silhouettes.
+    """
+    names = [name for name in views if name in silhouettes]
+    if len(names) < 2:
+        raise ArgumentError(f"silhouettes: at least two cameras expected, got {names}")
+    seen = [_Seen(views[name], silhouettes[name], cylinder) for name in names]
+    centre = _from_centroids(seen)
+    if centre is not None:
+        located = _judge(seen, centre)
+        if located.overlap >= GOOD_OVERLAP:
+            return located
+    else:
+        centre = _meet([s.view for s in seen], [s.silhouette.centroid for s in seen])
+    if centre is None:
+        return None
+    return _judge(seen, _from_outlines(seen, centre))
+
+
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
+_CIRCLE = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+_RIMS = np.vstack([np.column_stack([_CIRCLE, np.full(RIM, side)]) for side in (-0.5, 0.5)])
+
+
+class _Seen:
+    """One camera's silhouette and the predictions to hold against it, both within a region of the image."""
+
+    def __init__(self, view: PosedCamera, silhouette: Silhouette, cylinder: Cylinder) -> None:
+        self.view, self.silhouette, self.cylinder = view, silhouette, cylinder
+        height, width = view.camera.shape
+        u0, v0, u1, v1 = silhouette.box
+        # A hidden part is at most as large as the seen one or so; and nothing is seen outside the image.
+        du, dv = u1 - u0 + 8, v1 - v0 + 8
+        self.u0, self.v0 = max(u0 - du, 0), max(v0 - dv, 0)
+        u1, v1 = min(u1 + du, width), min(v1 + dv, height)
+        self.mask = silhouette.paint((height, width))[self.v0 : v1, self.u0 : u1].astype(np.uint8)
+        self.area = int(self.mask.sum())
+
+    def predict(self, centre: Floats) -> NDArray[np.uint8] | None:
+        polygon = outline(self.view, centre, self.cylinder)
+        if polygon is None or np.abs(polygon).max() > 1e4:
+            return None
+        drawn = np.zeros_like(self.mask)
+        corners = np.rint((polygon - (self.u0, self.v0)) * 2**_SHIFT).astype(np.int32)
+        cv2.fillConvexPoly(drawn, corners, 1, shift=_SHIFT)
+        return drawn
+
+    def predicted_centroid(self, centre: Floats) -> Floats | None:
+        """Centroid (2,) of the predicted outline within the image."""
+        polygon = outline(self.view, centre, self.cylinder)
+        if polygon is None:
+            return None
+        height, width = self.view.camera.shape
+        frame = np.array(
+            [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]], np.float32
+        )
+        area, inside = cv2.intersectConvexConvex(polygon, frame)
+        if area < 1.0 or inside is None:
+            return None
+        moments = cv2.moments(inside)
+        return np.array([moments["m10"], moments["m01"]]) / moments["m00"]
+
+    def cost(self, centre: Floats) -> float:
+        drawn = self.predict(centre)
+        if drawn is None:
+            return np.inf
+        common = int(cv2.countNonZero(drawn & self.mask))
+        return (
+            self.area - common + MISSING_WEIGHT * (int(cv2.countNonZero(drawn)) - common)
+        ) / self.area
+
+
+def _meet(views: list[PosedCamera], pixels: list[Floats]) -> Floats | None:
+    """Point (3,) nearest to the rays through one pixel of each camera, None behind or at infinity."""
+    matrix, vector = np.zeros((3, 3)), np.zeros(3)
+    for view, pixel in zip(views, pixels, strict=True):
+        origin, directions = view.rays(pixel[None])
+        direction = directions[0] / np.linalg.norm(directions[0])
+        across = np.eye(3) - np.outer(direction, direction)
+        matrix += across
+        vector += across @ origin
+    if np.linalg.cond(matrix) > 1e7:
+        return None
+    point = np.linalg.solve(matrix, vector)
+    ahead = all(view.depth(point[None])[0] > 0.02 for view in views)
+    return point if ahead else None
+
+
+def _from_centroids(seen: list[_Seen]) -> Floats | None:
+    views = [s.view for s in seen]
+    centre = _meet(views, [s.silhouette.centroid for s in seen])
+    for _ in range(ITERATIONS):
+        if centre is None:
+            return None
+        targets = []
+        for s in seen:
+            predicted = s.predicted_centroid(centre)
+            if predicted is None:
+                return None
+            # Aim at the pixel of the centre that would put the centroid where it was seen.
+            targets.append(s.silhouette.centroid + s.view.project(centre[None])[0] - predicted)
+        centre = _meet(views, targets)
+    return centre
+
+
+def _from_outlines(seen: list[_Seen], start: Floats) -> Floats:
+    """Compass search over the position, along and across the line of sight."""
+    sight = start - np.mean([s.view.origin for s in seen], axis=0)
+    sight /= np.linalg.norm(sight)
+    level = np.cross(sight, [0.0, 0.0, 1.0])
+    level /= max(float(np.linalg.norm(level)), 1e-9)
+    axes = np.array([sight, level, np.cross(level, sight)])
+    best, cost, step = start, sum(s.cost(start) for s in seen), FIRST_STEP
+    while step > LAST_STEP:
+        trials = [best + step * sign * axis for axis in axes for sign in (1.0, -1.0)]
+        costs = [sum(s.cost(trial) for s in seen) for trial in trials]
+        lowest = int(np.argmin(costs))
+        if costs[lowest] < cost:
+            best, cost = trials[lowest], costs[lowest]
+        else:
+            step /= 2.0
+    return best
+
+
+def _judge(seen: list[_Seen], centre: Floats) -> Located:
+    overlap, explained, visible = 1.0, 1.0, 1.0
+    for s in seen:
+        drawn = s.predict(centre)
+        if drawn is None:
+            return Located(centre, 0.0, 0.0, 0.0)
+        common = float(cv2.countNonZero(drawn & s.mask))
+        predicted = float(cv2.countNonZero(drawn))
+        overlap = min(overlap, common / max(predicted + s.area - common, 1.0))
+        explained = min(explained, common / s.area)
+        visible = min(visible, common / max(predicted, 1.0))
+    return Located(centre, overlap, explained, visible)

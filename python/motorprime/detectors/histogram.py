@@ -1,0 +1,254 @@
+"""The hue-saturation histogram detector (section V), built on OpenCV.
+
+A window counts as a hit when its histogram shares enough with the target's. A hit seeds a local
+segmentation: the target's back-projection, grown from that window only, so that the silhouette is found
+without a look at the rest of the image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ArgumentError, StateError
+from .base import Detections, Everywhere, Mask, Where, Windows, check_image
+
+BINS = (30, 16)
+RANGES = [0.0, 180.0, 0.0, 256.0]
+MIN_SATURATION, MIN_VALUE = 70, 25  # below, a hue means nothing
+GROW = 24  # pixels by which a segmentation's region grows where the silhouette touches its border
+
+
+@dataclass(frozen=True)
+class Silhouette:
+    """A connected region of the target's colour.
+
+    Attributes:
+        mask: (h, w) bool, the region in its own box.
+        corner: (u, v) of the box's upper left pixel in the full image.
+        centroid: (2,) (u, v) of the region in the full image, float64.
+        score: intersection of the best window that hit it, 0 to 1.
+    """
+
+    mask: NDArray[np.bool_]
+    corner: tuple[int, int]
+    centroid: NDArray[np.float64]
+    score: float
+
+    @property
+    def area(self) -> int:
+        """Pixels of the region."""
+        return int(np.count_nonzero(self.mask))
+
+    @property
+    def box(self) -> tuple[int, int, int, int]:
+        """(u0, v0, u1, v1), half-open."""
+        (u, v), (height, width) = self.corner, self.mask.shape
+        return (u, v, u + width, v + height)
+
+    def paint(self, shape: tuple[int, int]) -> NDArray[np.bool_]:
+        """The region as a mask of the full image."""
+        full = np.zeros(shape, dtype=np.bool_)
+        u0, v0, u1, v1 = self.box
+        full[v0:v1, u0:u1] = self.mask
+        return full
+
+
+@dataclass(frozen=True)
+class Search:
+    """Silhouettes that windows hit, the largest first, and what looking cost.
+
+    Attributes:
+        silhouettes: disjoint regions.
+        hits: (K, 2) corners (u, v) of the windows that hit.
+        attended: (H, W) bool, the pixels looked at.
+    """
+
+    silhouettes: tuple[Silhouette, ...]
+    hits: NDArray[np.intp]
+    attended: NDArray[np.bool_]
+
+
+@dataclass
+class HistogramDetector:
+    """Find a target by its hues and saturations.
+
+    Args:
+        target: (N, 3) uint8 RGB pixels of the target, from one or more views of it.
+        label: name of what is found.
+        window: width and height of the scanning window [px].
+        stride: step of the window over the whole image [px].
+        hit: intersection of a window's histogram with the target's from which it hits, 0 to 1.
+        min_area: smaller regions [px] are ignored.
+
+    Raises:
+        ArgumentError: too few coloured pixels in ``target``.
+    """
+
+    target: NDArray[np.uint8]
+    label: str = "target"
+    window: int = 20
+    stride: int = 4
+    hit: float = 0.15
+    min_area: int = 24
+    model: NDArray[np.float32] = field(init=False, repr=False)
+    _lookup: NDArray[np.uint8] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        pixels = np.asarray(self.target)
+        if pixels.ndim != 2 or pixels.shape[1] != 3 or pixels.dtype != np.uint8:
+            raise ArgumentError(f"target: (N, 3) uint8 pixels expected, got {pixels.dtype} {pixels.shape}")
+        histogram = _histogram(_hsv(np.ascontiguousarray(pixels)[:, None, :]))
+        coloured = float(histogram.sum())
+        if coloured < 50:
+            raise ArgumentError(f"target: at least 50 coloured pixels expected, {coloured:.0f} have a hue")
+        # Neighbouring bins count a little: the light moves a colour by about one.
+        model = cv2.GaussianBlur(np.vstack([histogram] * 3), (3, 3), 0.5)[BINS[0] : 2 * BINS[0]]
+        self.model = (model / model.sum()).astype(np.float32)
+        self._lookup = ((self.model > 0.002 * self.model.max()) * 255).astype(np.uint8)
+
+    def detect(self, image: NDArray[np.uint8], where: Where) -> Detections:
+        """Detect the target in ``image`` (H, W, 3) uint8 RGB.
+
+        Raises:
+            ArgumentError: the image is smaller than the window, or ``where`` has the wrong shape.
+        """
+        found = self.search(image, where)
+        return Detections(
+            boxes=np.array([s.box for s in found.silhouettes], dtype=np.float32).reshape(-1, 4),
+            scores=np.array([s.score for s in found.silhouettes], dtype=np.float32),
+            labels=(self.label,) * len(found.silhouettes),
+            attended=int(np.count_nonzero(found.attended)),
+        )
+
+    def search(self, image: NDArray[np.uint8], where: Where) -> Search:
+        """Like :meth:`detect`, with the silhouettes themselves."""
+        image = np.ascontiguousarray(check_image(image))
+        size = where.size if isinstance(where, Windows) else self.window
+        corners = self._corners(image.shape[:2], where)
+        attended = np.zeros(image.shape[:2], dtype=np.bool_)
+        if isinstance(where, Everywhere):
+            hsv = _hsv(image)
+            patches = [hsv[v : v + size, u : u + size] for u, v in corners]
+            attended[:] = True
+        else:
+            patches = []
+            for u, v in corners:
+                patches.append(_hsv(image[v : v + size, u : u + size]))
+                attended[v : v + size, u : u + size] = True
+        scores = np.array([self._intersection(patch) for patch in patches])
+        hitting = np.flatnonzero(scores >= self.hit)
+        silhouettes = self._grow_all(image, corners[hitting], scores[hitting], size, attended)
+        return Search(silhouettes, corners[hitting], attended)
+
+    def back_project(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Pixels (H, W) of the target's colours: 255, others 0. The cheap way to do a full frame."""
+        return self._back_project(_hsv(check_image(image)))
+
+    def _corners(self, shape: tuple[int, ...], where: Where) -> NDArray[np.intp]:
+        height, width = shape[:2]
+        if isinstance(where, Windows):
+            return where.corners((height, width))
+        if min(height, width) < self.window:
+            raise ArgumentError(
+                f"image: {width} x {height} is smaller than the window of {self.window} px"
+            )
+        us = np.arange(0, width - self.window + 1, self.stride)
+        vs = np.arange(0, height - self.window + 1, self.stride)
+        grid = np.stack(np.meshgrid(us, vs), axis=-1).reshape(-1, 2)
+        if isinstance(where, Everywhere):
+            return grid
+        if isinstance(where, Mask):
+            if where.mask.shape != (height, width):
+                raise ArgumentError(f"mask: shape ({height}, {width}) expected, got {where.mask.shape}")
+            half = self.window // 2
+            return grid[where.mask[grid[:, 1] + half, grid[:, 0] + half]]
+        raise StateError("the histogram detector looks at Everywhere, Mask or Windows; not at Tiles")
+
+    def _intersection(self, patch: NDArray[np.uint8]) -> float:
+        """Sum over bins of min(window, target), both normalised by the window's pixels: 0 to 1."""
+        histogram = _histogram(patch) / np.float32(patch.shape[0] * patch.shape[1])
+        return float(cv2.compareHist(histogram, self.model, cv2.HISTCMP_INTERSECT))
+
+    def _back_project(self, hsv: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        hue = hsv[..., 0].astype(np.intp) * BINS[0] // 180
+        saturation = hsv[..., 1].astype(np.intp) * BINS[1] // 256
+        coloured = (hsv[..., 1] >= MIN_SATURATION) & (hsv[..., 2] >= MIN_VALUE)
+        return self._lookup[hue, saturation] * coloured
+
+    def _grow_all(
+        self,
+        image: NDArray[np.uint8],
+        corners: NDArray[np.intp],
+        scores: NDArray[np.float64],
+        size: int,
+        attended: NDArray[np.bool_],
+    ) -> tuple[Silhouette, ...]:
+        """Grow a silhouette from each hit that no earlier one explains, the best hits first."""
+        claimed = np.zeros(image.shape[:2], dtype=np.bool_)
+        found: list[Silhouette] = []
+        for k in np.argsort(-scores, kind="stable"):
+            u, v = (int(x) for x in corners[k])
+            if claimed[v : v + size, u : u + size].any():
+                continue
+            silhouette = self._grow(image, (u, v), size, float(scores[k]), attended)
+            if silhouette is not None and silhouette.area >= self.min_area:
+                claimed |= silhouette.paint(claimed.shape)
+                found.append(silhouette)
+        return tuple(sorted(found, key=lambda s: -s.area))
+
+    def _grow(
+        self,
+        image: NDArray[np.uint8],
+        corner: tuple[int, int],
+        size: int,
+        score: float,
+        attended: NDArray[np.bool_],
+    ) -> Silhouette | None:
+        height, width = image.shape[:2]
+        u0, v0 = (max(c - GROW, 0) for c in corner)
+        u1, v1 = min(corner[0] + size + GROW, width), min(corner[1] + size + GROW, height)
+        while True:
+            region = self._back_project(_hsv(image[v0:v1, u0:u1]))
+            _, labels, stats, centroids = cv2.connectedComponentsWithStats(region, connectivity=4)
+            inside = labels[
+                corner[1] - v0 : corner[1] - v0 + size, corner[0] - u0 : corner[0] - u0 + size
+            ]
+            counts = np.bincount(inside.ravel(), minlength=len(stats))
+            counts[0] = 0
+            if not counts.any():
+                return None
+            best = int(counts.argmax())
+            left, top, w, h, _ = (int(x) for x in stats[best])
+            grown = (
+                u0 - GROW * (left == 0),
+                v0 - GROW * (top == 0),
+                u1 + GROW * (u0 + left + w == u1),
+                v1 + GROW * (v0 + top + h == v1),
+            )
+            grown = (max(grown[0], 0), max(grown[1], 0), min(grown[2], width), min(grown[3], height))
+            if grown == (u0, v0, u1, v1):
+                break
+            u0, v0, u1, v1 = grown
+        attended[v0:v1, u0:u1] = True
+        return Silhouette(
+            mask=labels[top : top + h, left : left + w] == best,
+            corner=(u0 + left, v0 + top),
+            centroid=np.array(centroids[best]) + (u0, v0),
+            score=score,
+        )
+
+
+def _hsv(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    converted: NDArray[np.uint8] = cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV)  # type: ignore[assignment]
+    return converted
+
+
+def _histogram(hsv: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Counts (30, 16) of hue and saturation over the pixels that have a hue."""
+    coloured = cv2.inRange(hsv, (0, MIN_SATURATION, MIN_VALUE), (180, 255, 255))
+    histogram: NDArray[np.float32] = cv2.calcHist([hsv], [0, 1], coloured, list(BINS), RANGES)  # type: ignore[assignment]
+    return histogram

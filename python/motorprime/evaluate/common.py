@@ -1,0 +1,70 @@
+"""What all evaluations share: progress bars, tables, JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sized
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bars
+from rich.table import Table
+
+from ..errors import ArgumentError
+
+T = TypeVar("T")
+
+
+class Progress:
+    """A progress bar on ``console``; silent without one."""
+
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console
+
+    def over(self, items: Iterable[T], what: str) -> Iterator[T]:
+        """Iterate with a bar that says what is done, how far it is, and how long it will take."""
+        if self._console is None:
+            yield from items
+            return
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+        )
+        with Bars(*columns, console=self._console) as bars:
+            yield from bars.track(items, total=len(items) if isinstance(items, Sized) else None, description=what)
+
+
+def table(title: str, result: Mapping[str, Any]) -> Table:
+    """A table of a result's figures; nested ones are shown with dotted names."""
+    shown = Table(title=title, title_justify="left")
+    shown.add_column("figure")
+    shown.add_column("value", justify="right")
+    for name, value in _flat(result):
+        shown.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
+    return shown
+
+
+def write_json(path: Path, result: Mapping[str, Any]) -> None:
+    """Write a result as JSON.
+
+    Raises:
+        ArgumentError: the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(result, indent=2) + "\n")
+    except OSError as error:
+        raise ArgumentError(f"json: cannot write {path}: {error.strerror}") from None
+
+
+def _flat(result: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in result.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value

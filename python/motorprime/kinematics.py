@@ -1,0 +1,201 @@
+"""Forward kinematics of the serial chains in a URDF file, in plain NumPy.
+
+Only what vision needs is read: joints, their origins, axes and limits. Shapes, masses and meshes belong to
+the simulator. Everything is batched over postures, because a reach cloud is ten thousand of them.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._arrays import Floats, finite, numbers
+from .errors import ArgumentError
+
+
+def rotation_from_rpy(rpy: ArrayLike) -> Floats:
+    """Rotation matrix (3, 3) of URDF's roll, pitch, yaw [rad]: R_z(yaw) R_y(pitch) R_x(roll)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def transform(rotation: ArrayLike, translation: ArrayLike) -> Floats:
+    """Homogeneous matrix (4, 4) of a rotation (3, 3) and a translation (3,) [m]."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def apply(pose: Floats, points: Floats) -> Floats:
+    """Points (N, 3) [m] of the frame ``pose`` (4, 4), in the frame that ``pose`` is given in: (N, 3)."""
+    return points @ pose[:3, :3].T + pose[:3, 3]
+
+
+def invert(pose: Floats) -> Floats:
+    """Inverse (4, 4) of a rigid transform (4, 4)."""
+    rotation = pose[:3, :3].T
+    return transform(rotation, -rotation @ pose[:3, 3])
+
+
+def _numbers(text: str) -> Floats:
+    return np.array([float(word) for word in text.split()])
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint of a URDF tree: ``origin`` (4, 4) of the child's frame in the parent's at angle zero."""
+
+    name: str
+    parent: str
+    child: str
+    origin: Floats
+    axis: Floats
+    moves: bool
+    lower: float
+    upper: float
+
+
+class KinematicTree:
+    """The joints of one URDF file.
+
+    Args:
+        path: a URDF file with revolute, continuous and fixed joints.
+
+    Raises:
+        ArgumentError: the file is missing, is no URDF, or has a joint type that is not supported.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        try:
+            root = ET.parse(self.path).getroot()
+        except FileNotFoundError:
+            raise ArgumentError(f"urdf: no such file: {self.path}") from None
+        except ET.ParseError as error:
+            raise ArgumentError(f"urdf: {self.path} is not XML: {error}") from None
+        joints = [self._joint(element) for element in root.findall("joint")]
+        self.joints: dict[str, Joint] = {joint.name: joint for joint in joints}
+        self._above: dict[str, Joint] = {joint.child: joint for joint in joints}
+        self.links: tuple[str, ...] = tuple(link.get("name", "") for link in root.findall("link"))
+
+    def _joint(self, element: ET.Element) -> Joint:
+        name, kind = element.get("name", ""), element.get("type", "")
+        if kind not in ("revolute", "continuous", "fixed"):
+            raise ArgumentError(
+                f"urdf: joint '{name}' of {self.path} is '{kind}'; known: revolute, continuous, fixed"
+            )
+        origin, axis, limit = element.find("origin"), element.find("axis"), element.find("limit")
+        place = {} if origin is None else origin.attrib
+        direction = np.array([1.0, 0.0, 0.0]) if axis is None else _numbers(axis.get("xyz", "1 0 0"))
+        bounds = {} if limit is None else limit.attrib
+        parent, child = element.find("parent"), element.find("child")
+        if parent is None or child is None:
+            raise ArgumentError(f"urdf: joint '{name}' of {self.path} has no parent or no child")
+        return Joint(
+            name=name,
+            parent=parent.get("link", ""),
+            child=child.get("link", ""),
+            origin=transform(
+                rotation_from_rpy(_numbers(place.get("rpy", "0 0 0"))), _numbers(place.get("xyz", "0 0 0"))
+            ),
+            axis=direction / np.linalg.norm(direction),
+            moves=kind != "fixed",
+            lower=float(bounds.get("lower", -np.pi)),
+            upper=float(bounds.get("upper", np.pi)),
+        )
+
+    def chain(self, base: str, tip: str) -> Chain:
+        """The chain from link ``base`` to link ``tip``, which must lie below it."""
+        for link in (base, tip):
+            if link not in self.links:
+                raise ArgumentError(f"link '{link}' is not in {self.path.name}; it has {sorted(self.links)}")
+        path: list[Joint] = []
+        link = tip
+        while link != base:
+            if link not in self._above:
+                raise ArgumentError(f"link '{tip}' does not hang below '{base}' in {self.path.name}")
+            path.append(self._above[link])
+            link = path[-1].parent
+        return Chain(tuple(reversed(path)))
+
+
+class Chain:
+    """A serial chain; its variables are the angles [rad] of its moving joints, from base to tip."""
+
+    def __init__(self, joints: tuple[Joint, ...]) -> None:
+        self.names: tuple[str, ...] = tuple(joint.name for joint in joints if joint.moves)
+        self.limits: Floats = np.array([(j.lower, j.upper) for j in joints if j.moves]).reshape(-1, 2)
+        # Fixed joints fold into the origin of the next moving one, so a pose costs one product per variable.
+        self._origins: list[Floats] = []
+        self._axes: list[Floats] = []
+        self._turns: list[_Turn] = []
+        pending = np.eye(4)
+        for joint in joints:
+            pending = pending @ joint.origin
+            if joint.moves:
+                self._origins.append(pending)
+                self._axes.append(joint.axis)
+                self._turns.append(_Turn(joint.axis))
+                pending = np.eye(4)
+        self._end = pending
+
+    def forward(self, angles: ArrayLike) -> Floats:
+        """Pose of the tip in the base frame: angles (..., n) [rad] -> (..., 4, 4)."""
+        q = self._checked(angles)
+        pose = np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))
+        for k, (origin, turn) in enumerate(zip(self._origins, self._turns, strict=True)):
+            pose = pose @ origin @ turn.by(q[..., k])
+        return pose @ self._end
+
+    def jacobian(self, angles: ArrayLike) -> tuple[Floats, Floats]:
+        """Pose of the tip (4, 4) and its geometric Jacobian (6, n): linear rows [m/rad], then angular.
+
+        Column k is (z_k x (p - p_k), z_k), z_k the joint's axis and p_k its place in the base frame.
+        """
+        q = self._checked(angles)
+        if q.ndim != 1:
+            raise ArgumentError(f"angles: one posture of shape ({len(self.names)},) expected, got {q.shape}")
+        pose, axes, places = np.eye(4), [], []
+        for k, (origin, turn) in enumerate(zip(self._origins, self._turns, strict=True)):
+            pose = pose @ origin
+            axes.append(pose[:3, :3] @ self._axes[k])
+            places.append(pose[:3, 3])
+            pose = pose @ turn.by(q[k])
+        pose = pose @ self._end
+        z = np.array(axes)
+        return pose, np.vstack([np.cross(z, pose[:3, 3] - np.array(places)).T, z.T])
+
+    def _checked(self, angles: ArrayLike) -> Floats:
+        q = numbers("angles", angles)
+        if q.ndim == 0 or q.shape[-1] != len(self.names):
+            raise ArgumentError(f"angles: last axis of {len(self.names)} {self.names} expected, got shape {q.shape}")
+        return finite("angles", q)
+
+
+class _Turn:
+    """Rotation about a unit axis (3,) by Rodrigues' formula, I + sin K + (1 - cos) K^2, K = axis x."""
+
+    def __init__(self, axis: Floats) -> None:
+        x, y, z = axis
+        self._cross = np.zeros((4, 4))
+        self._cross[:3, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+        self._square = self._cross @ self._cross
+
+    def by(self, angle: Floats) -> Floats:
+        """Angles (...) [rad] -> homogeneous matrices (..., 4, 4)."""
+        sine, versine = np.sin(angle)[..., None, None], (1.0 - np.cos(angle))[..., None, None]
+        return _IDENTITY + sine * self._cross + versine * self._square
+
+
+_IDENTITY = np.eye(4)

@@ -1,0 +1,94 @@
+"""Motor-plan attention (section III-C2): the planned path of the hand, projected into the eyes.
+
+Kernels at the projected points make the landscape (Eq. 6-9). Their width is set in pixels, or in metres
+around the path, which gives each point the width that its depth asks for.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import NDArray
+
+from ._arrays import rows
+from .errors import ArgumentError, NotInViewError
+from .kinematics import Floats
+from .landscape import kernel_landscape
+from .projection import Projection
+
+DEFAULT_WIDTH = 40.0
+"""Kernel width [px] in an image 320 pixels wide; scaled with the image."""
+
+
+def default_width(shape: tuple[int, int]) -> float:
+    """Default kernel width [px] for an image of (height, width)."""
+    return DEFAULT_WIDTH * shape[1] / 320.0
+
+
+def motorplan_landscape(
+    path: npt.ArrayLike,
+    projection: Projection,
+    joints: npt.ArrayLike | None = None,
+    *,
+    width: float | None = None,
+    metres: float | None = None,
+    kernel: str = "triangular",
+) -> dict[str, NDArray[np.float32]]:
+    """Landscape of a planned path in every camera that sees some of it.
+
+    Args:
+        path: (N, 3) planned points of the hand [m] in the root frame.
+        projection: to the cameras, whose image shapes are known.
+        joints: gaze posture; fixed cameras need none.
+        width: kernel width h [px] of Eq. 8; default 40 at 320 x 240, scaled with the image's width.
+        metres: kernel width around the path [m] instead; each point's width in pixels follows from its depth.
+        kernel: 'triangular' or 'gaussian'.
+
+    Returns:
+        {camera: (H, W) float32}; a camera behind which the whole path lies is left out.
+
+    Raises:
+        ArgumentError: an empty path, NaN, or both widths given.
+        NotInViewError: no camera has any of the path in front of it.
+    """
+    points = rows("path", path, 3)
+    if not len(points):
+        raise ArgumentError("path: at least one point expected, got an empty trajectory")
+    if width is not None and metres is not None:
+        raise ArgumentError("width, metres: give one of them")
+    pixels = projection.project(points, joints)
+    landscapes = {}
+    for camera, shape in projection.shapes.items():
+        ahead = np.isfinite(pixels[camera]).all(axis=1)
+        if not ahead.any():
+            continue
+        size: float | Floats
+        if metres is None:
+            size = default_width(shape) if width is None else width
+        else:
+            size = _widths(points[ahead], projection, joints, camera, metres)
+        landscapes[camera] = kernel_landscape(pixels[camera][ahead], shape, width=size, kernel=kernel)
+    if not landscapes:
+        raise NotInViewError(f"path: none of its {len(points)} points is in front of a camera")
+    return landscapes
+
+
+def _widths(
+    points: Floats, projection: Projection, joints: npt.ArrayLike | None, camera: str, metres: float
+) -> Floats:
+    """Width (N,) [px] of ``metres`` across the line of sight at each point: how far a step of it moves the pixel.
+
+    Taken as the root of the projection's area scale, so that no direction is preferred; this needs nothing
+    from the projection but projecting.
+    """
+    if not metres > 0.0 or not np.isfinite(metres):
+        raise ArgumentError(f"metres: a positive finite width expected, got {metres}")
+    step = 1e-4
+    moved = [
+        projection.project(points + step * axis, joints)[camera]
+        - projection.project(points - step * axis, joints)[camera]
+        for axis in np.eye(3)
+    ]
+    jacobian = np.stack(moved, axis=-1) / (2.0 * step)  # (N, 2, 3) [px/m]
+    gram = jacobian @ jacobian.transpose(0, 2, 1)
+    return metres * np.linalg.det(gram) ** 0.25

@@ -1,0 +1,177 @@
+"""A robot as data: which joints move the eyes, which move the hand, where the cameras and the palm sit.
+
+Another arm with another camera is another value of :class:`Robot`, not another class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._arrays import fixed
+from .camera import Camera
+from .errors import ArgumentError, StateError
+from .kinematics import Chain, Floats, KinematicTree, rotation_from_rpy, transform
+
+
+@dataclass(frozen=True)
+class CameraMount:
+    """A camera on a link; the link's frame is the camera's (x right, y down, z forward)."""
+
+    link: str
+    camera: Camera
+
+
+@dataclass(frozen=True)
+class Palm:
+    """The palm's frame on a link: x along the stretched fingers, z out of the palm, origin in its middle."""
+
+    link: str
+    frame: Floats
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What the library needs to know of a robot.
+
+    Args:
+        name: for messages and files.
+        root: link whose frame is the root frame of all points.
+        chest: link that carries the shoulders and the neck; the reach cloud lives in its frame.
+        gaze: variables of the gaze, in the order in which postures are given.
+        torso: those of them that also move the arm, from root to chest.
+        arm: joints from the chest to the palm.
+        cameras: camera name -> mount.
+        palm: frame of the palm.
+        couplings: joint of the URDF -> {variable: factor}, for joints that are not variables themselves.
+        ranges: limits [rad] of variables that the URDF does not know, and tighter ones for those it does.
+        rest: posture [rad] of variables that is preferred when the task leaves a choice; others prefer the
+            middle of their range.
+        urdf: the kinematics; a robot without it serves as a template, see :meth:`with_urdf`.
+    """
+
+    name: str
+    root: str
+    chest: str
+    gaze: tuple[str, ...]
+    torso: tuple[str, ...]
+    arm: tuple[str, ...]
+    cameras: Mapping[str, CameraMount]
+    palm: Palm
+    couplings: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    rest: Mapping[str, float] = field(default_factory=dict)
+    urdf: Path | None = None
+
+    def with_urdf(self, path: str | Path) -> Robot:
+        """The same robot with its kinematics read from a URDF file."""
+        return replace(self, urdf=Path(path))
+
+    def with_image_size(self, width: int, height: int) -> Robot:
+        """The same robot with every camera's image scaled to ``width`` x ``height`` pixels."""
+        scaled = {
+            name: replace(mount, camera=mount.camera.scale((width, height)))
+            for name, mount in self.cameras.items()
+        }
+        return replace(self, cameras=scaled)
+
+    @cached_property
+    def tree(self) -> KinematicTree:
+        """The kinematic tree; StateError when the robot has no URDF."""
+        if self.urdf is None:
+            raise StateError(f"robot '{self.name}' has no URDF; give it one with with_urdf(path)")
+        return KinematicTree(self.urdf)
+
+    @cached_property
+    def camera_chains(self) -> dict[str, Chain]:
+        """Chain from the root to each camera."""
+        return {name: self.tree.chain(self.root, mount.link) for name, mount in self.cameras.items()}
+
+    @cached_property
+    def chest_chain(self) -> Chain:
+        """Chain from the root to the chest; its variables are the torso's."""
+        return self.tree.chain(self.root, self.chest)
+
+    @cached_property
+    def arm_chain(self) -> Chain:
+        """Chain from the chest to the palm's link; its variables are the arm's."""
+        return self.tree.chain(self.chest, self.palm.link)
+
+    @cached_property
+    def reach_chain(self) -> Chain:
+        """Chain from the root to the palm's link; its variables are the torso's, then the arm's."""
+        return self.tree.chain(self.root, self.palm.link)
+
+    def limits(self, variables: tuple[str, ...]) -> Floats:
+        """Lower and upper limits (n, 2) [rad] of variables."""
+        rows = []
+        for name in variables:
+            if name in self.ranges:
+                rows.append(self.ranges[name])
+            elif name in self.tree.joints:
+                rows.append((self.tree.joints[name].lower, self.tree.joints[name].upper))
+            else:
+                raise ArgumentError(f"robot '{self.name}' has no variable '{name}'")
+        return np.array(rows, dtype=np.float64)
+
+    def resting(self, variables: tuple[str, ...]) -> Floats:
+        """Preferred posture (n,) [rad] of variables."""
+        middle = self.limits(variables).mean(axis=1)
+        return np.array([self.rest.get(name, mid) for name, mid in zip(variables, middle, strict=True)])
+
+    def urdf_angles(self, names: tuple[str, ...], joints: Floats) -> Floats:
+        """Angles (n,) [rad] of the URDF joints ``names`` for a gaze posture ``joints``, couplings resolved."""
+        value = dict(zip(self.gaze, joints, strict=True))
+        return np.array(
+            [
+                sum(factor * value[variable] for variable, factor in self.couplings.get(name, {name: 1.0}).items())
+                for name in names
+            ]
+        )
+
+    def gaze_posture(self, joints: ArrayLike) -> Floats:
+        """``joints`` checked: (len(gaze),) float64 [rad], finite; else ArgumentError."""
+        return fixed("joints", joints, (len(self.gaze),))
+
+
+def _degrees(**ranges: tuple[float, float]) -> dict[str, tuple[float, float]]:
+    return {name: (float(np.deg2rad(low)), float(np.deg2rad(high))) for name, (low, high) in ranges.items()}
+
+
+_EYE = Camera(width=320, height=240, fx=257.34, fy=257.34, cx=160.0, cy=120.0)
+
+ICUB = Robot(
+    name="iCub",
+    root="root_link",
+    chest="chest",
+    gaze=(
+        "torso_pitch", "torso_roll", "torso_yaw", "neck_pitch", "neck_roll", "neck_yaw",
+        "eyes_tilt", "eyes_version", "eyes_vergence",
+    ),
+    torso=("torso_pitch", "torso_roll", "torso_yaw"),
+    arm=(
+        "r_shoulder_pitch", "r_shoulder_roll", "r_shoulder_yaw", "r_elbow",
+        "r_wrist_prosup", "r_wrist_pitch", "r_wrist_yaw",
+    ),
+    cameras={"left": CameraMount("l_eye", _EYE), "right": CameraMount("r_eye", _EYE)},
+    # The hand's Denavit-Hartenberg frame of iCubGazeboV2_5, on the wrist's last link.
+    palm=Palm(
+        "r_hand",
+        transform(
+            rotation_from_rpy((-np.pi / 2, -np.pi / 12, np.pi)), (-0.0576543, -0.0055568, 0.0136938)
+        ),
+    ),
+    couplings={
+        "l_eye_pan": {"eyes_version": 1.0, "eyes_vergence": 0.5},
+        "r_eye_pan": {"eyes_version": 1.0, "eyes_vergence": -0.5},
+    },
+    ranges=_degrees(eyes_tilt=(-30, 30), eyes_version=(-30, 30), eyes_vergence=(0, 50)),
+    rest={name: 0.0 for name in ("torso_pitch", "torso_roll", "torso_yaw", "neck_roll", "neck_yaw")},
+)
+"""The iCub's gaze and right arm. Joint ranges are those of iCubGazeboV2_5 and of the simulator's eyes; the
+cameras are the simulator's: 320 x 240, f = 257.34 px, centre (160, 120)."""

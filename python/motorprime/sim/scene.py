@@ -1,0 +1,285 @@
+"""The scene: a table in reach, a red glass, other kitchenware, a textured room; all from one seed."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import StateError
+from ..kinematics import Floats
+from .meshes import write_lathe, write_plane
+from .world import World, pybullet
+
+TABLE_HEIGHT = -0.06  # of the table's top in the root frame [m]: elbow height of an upright iCub
+TABLE_THICKNESS = 0.03
+TABLE_X, TABLE_Y = (-0.62, -0.15), (-0.45, 0.45)
+
+
+@dataclass(frozen=True)
+class Glass:
+    """An upright cylinder: its radius, height [m] and colour."""
+
+    radius: float = 0.0325
+    height: float = 0.10
+    rgb: tuple[float, float, float] = (0.80, 0.06, 0.09)
+
+
+SMALL_GLASS = Glass(radius=0.014, height=0.056)
+
+
+@dataclass(frozen=True)
+class Thing:
+    """A piece of kitchenware: a lathe profile of (radius, height) points [m] and a colour."""
+
+    name: str
+    profile: tuple[tuple[float, float], ...]
+    rgb: tuple[float, float, float]
+    mass: float = 0.2
+
+    @property
+    def radius(self) -> float:
+        """Largest radius [m]."""
+        return max(radius for radius, _ in self.profile)
+
+
+KITCHENWARE = (
+    Thing("mug", ((0.034, 0.0), (0.036, 0.01), (0.036, 0.085)), (0.13, 0.32, 0.68)),
+    Thing("bowl", ((0.025, 0.0), (0.045, 0.02), (0.058, 0.05)), (0.92, 0.78, 0.20)),
+    Thing("bottle", ((0.028, 0.0), (0.03, 0.09), (0.012, 0.13), (0.012, 0.16)), (0.10, 0.42, 0.18)),
+    Thing("jar", ((0.03, 0.0), (0.032, 0.06), (0.026, 0.07), (0.028, 0.085)), (0.80, 0.42, 0.12)),
+    Thing("cup", ((0.02, 0.0), (0.032, 0.05), (0.034, 0.07)), (0.93, 0.92, 0.88)),
+    Thing("tin", ((0.027, 0.0), (0.027, 0.09)), (0.45, 0.20, 0.55)),
+)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where things stand: the glass's axis (x, y) [m], and kitchenware at (x, y)."""
+
+    glass: Glass
+    glass_xy: tuple[float, float]
+    clutter: tuple[tuple[Thing, tuple[float, float]], ...] = ()
+    textures: int = 0
+
+
+def draw_layout(
+    generator: np.random.Generator,
+    *,
+    glass: Glass | None = None,
+    region: tuple[tuple[float, float], tuple[float, float]] = ((-0.34, -0.22), (0.0, 0.20)),
+    clutter: int = 4,
+) -> Layout:
+    """A random layout with room for a hand beside the glass.
+
+    Args:
+        generator: draws everything.
+        glass: the target; default a glass of 6.5 x 10 cm.
+        region: ranges of the glass's x and y [m] in the root frame.
+        clutter: pieces of kitchenware.
+
+    Raises:
+        StateError: that many things do not fit.
+    """
+    glass = glass or Glass()
+    place = np.array([generator.uniform(*bounds) for bounds in region])
+    placed: list[tuple[Thing, Floats]] = []
+    order = generator.permutation(len(KITCHENWARE))
+    for k in range(clutter):
+        thing = KITCHENWARE[order[k % len(KITCHENWARE)]]
+        for _ in range(500):
+            spot = np.array(
+                [
+                    generator.uniform(TABLE_X[0] + 0.07, TABLE_X[1] - 0.07),
+                    generator.uniform(TABLE_Y[0] + 0.07, TABLE_Y[1] - 0.07),
+                ]
+            )
+            if _has_room(spot, thing, place, glass, placed):
+                placed.append((thing, spot))
+                break
+        else:
+            raise StateError(f"clutter: {clutter} things do not fit on the table beside the glass")
+    return Layout(
+        glass,
+        (float(place[0]), float(place[1])),
+        tuple((thing, (float(spot[0]), float(spot[1]))) for thing, spot in placed),
+        int(generator.integers(2**31)),
+    )
+
+
+def _has_room(
+    spot: Floats, thing: Thing, glass_at: Floats, glass: Glass, placed: Sequence[tuple[Thing, Floats]]
+) -> bool:
+    if any(np.linalg.norm(spot - other) < thing.radius + t.radius + 0.03 for t, other in placed):
+        return False
+    offset = spot - glass_at
+    if np.linalg.norm(offset) < glass.radius + thing.radius + 0.05:
+        return False
+    # The hand comes from the robot's right and near side, the eyes look from the near side: keep both free.
+    near_or_right = offset[0] > -0.02 or offset[1] > 0.0
+    return not (near_or_right and np.linalg.norm(offset) < 0.24)
+
+
+class Scene:
+    """A layout that stands in a world.
+
+    The object poses here are the truth. Nothing above the simulator may steer by them; they serve to build
+    experiments and to judge them.
+    """
+
+    def __init__(self, world: World, layout: Layout) -> None:
+        self.world, self.layout = world, layout
+        self._folder = tempfile.TemporaryDirectory(prefix="motorprime-")
+        folder = Path(self._folder.name)
+        generator = np.random.default_rng(layout.textures)
+        self.glass: int | None = _stand_glass(world, folder, layout)
+        self.clutter = [
+            _stand_thing(world, folder, thing, spot, k) for k, (thing, spot) in enumerate(layout.clutter)
+        ]
+        # Last, because what is hidden by earlier bodies costs the renderer no shading.
+        self.table = _build_room(world, folder, generator)
+        world.step(24)
+
+    def glass_pose(self) -> tuple[Floats, Floats]:
+        """True centre (3,) [m] of the glass and the direction (3,) of its axis.
+
+        Raises:
+            StateError: the scene has no glass.
+        """
+        if self.glass is None:
+            raise StateError("the scene has no glass")
+        place, turn = self.world.bullet.getBasePositionAndOrientation(self.glass)
+        axis = np.reshape(self.world.bullet.getMatrixFromQuaternion(turn), (3, 3))[:, 2]
+        return np.array(place), axis
+
+    def remove_glass(self) -> None:
+        """Take the glass away."""
+        if self.glass is not None:
+            self.world.bullet.removeBody(self.glass)
+            self.glass = None
+
+    def close(self) -> None:
+        """Remove the textures' folder."""
+        self._folder.cleanup()
+
+
+def _mesh(world: World, path: Path, rgb: Sequence[float]) -> int:
+    return int(
+        world.bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(path), rgbaColor=[*rgb, 1])
+    )
+
+
+def _body(
+    world: World,
+    visual: int,
+    collision: int,
+    at: Sequence[float],
+    mass: float = 0.0,
+) -> int:
+    return int(
+        world.bullet.createMultiBody(
+            baseMass=mass, baseVisualShapeIndex=visual, baseCollisionShapeIndex=collision, basePosition=list(at)
+        )
+    )
+
+
+def _stand_glass(world: World, folder: Path, layout: Layout) -> int:
+    glass, (x, y) = layout.glass, layout.glass_xy
+    bullet = world.bullet
+    half = glass.height / 2
+    mesh = write_lathe(folder / "glass.obj", ((glass.radius, -half), (glass.radius, half)), sides=48)
+    body = _body(
+        world,
+        _mesh(world, mesh, glass.rgb),
+        bullet.createCollisionShape(pybullet.GEOM_CYLINDER, radius=glass.radius, height=glass.height),
+        (x, y, TABLE_HEIGHT + glass.height / 2),
+        mass=0.15,
+    )
+    bullet.changeDynamics(body, -1, lateralFriction=0.8)
+    return body
+
+
+def _stand_thing(world: World, folder: Path, thing: Thing, spot: tuple[float, float], k: int) -> int:
+    mesh = str(write_lathe(folder / f"{thing.name}-{k}.obj", thing.profile))
+    bullet = world.bullet
+    return _body(
+        world,
+        _mesh(world, Path(mesh), thing.rgb),
+        bullet.createCollisionShape(pybullet.GEOM_MESH, fileName=mesh),
+        (*spot, TABLE_HEIGHT + 0.0005),
+        mass=thing.mass,
+    )
+
+
+def _build_room(world: World, folder: Path, generator: np.random.Generator) -> int:
+    """Table, floor and walls; returns the table."""
+    bullet = world.bullet
+    depth, width = TABLE_X[1] - TABLE_X[0], TABLE_Y[1] - TABLE_Y[0]
+    half = (depth / 2, width / 2, TABLE_THICKNESS / 2)
+    middle = (sum(TABLE_X) / 2, sum(TABLE_Y) / 2, TABLE_HEIGHT - TABLE_THICKNESS / 2)
+    top = write_plane(folder / "top.obj", (half[0], -half[1], half[2]), (0, width, 0), (-depth, 0, 0))
+    wood = _wood(generator)
+    table = _body(
+        world,
+        _mesh(world, top, (1, 1, 1)),
+        bullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half),
+        middle,
+    )
+    bullet.changeDynamics(table, -1, lateralFriction=0.8)
+    _paint(world, table, folder / "top.png", wood)
+    near, far, left, right, low = TABLE_X[1], TABLE_X[0], TABLE_Y[0], TABLE_Y[1], TABLE_HEIGHT - TABLE_THICKNESS
+    edge = (wood * 0.6).astype(np.uint8)
+    # corner, edge along, edge up: seen from the side of along x up
+    surfaces = {
+        "near-edge": ((near, left, low), (0, width, 0), (0, 0, TABLE_THICKNESS), edge),
+        "far-edge": ((far, right, low), (0, -width, 0), (0, 0, TABLE_THICKNESS), edge),
+        "left-edge": ((far, left, low), (depth, 0, 0), (0, 0, TABLE_THICKNESS), edge),
+        "right-edge": ((near, right, low), (-depth, 0, 0), (0, 0, TABLE_THICKNESS), edge),
+        "back": ((-1.7, -1.9, -0.75), (0, 3.8, 0), (0, 0, 2.0), _wallpaper(generator)),
+        "front": ((0.9, 1.9, -0.75), (0, -3.8, 0), (0, 0, 2.0), _wallpaper(generator)),
+        "left": ((0.9, -1.9, -0.75), (-2.6, 0, 0), (0, 0, 2.0), _wallpaper(generator)),
+        "right": ((-1.7, 1.9, -0.75), (2.6, 0, 0), (0, 0, 2.0), _wallpaper(generator)),
+        "floor": ((0.9, -1.9, -0.75), (0, 3.8, 0), (-2.6, 0, 0), _wallpaper(generator)),
+    }
+    for name, (corner, along, up, texture) in surfaces.items():
+        mesh = write_plane(folder / f"{name}.obj", corner, along, up)
+        _paint(world, _body(world, _mesh(world, mesh, (1, 1, 1)), -1, (0, 0, 0)), folder / f"{name}.png", texture)
+    stand = write_lathe(folder / "stand.obj", ((0.16, -0.75), (0.05, -0.73), (0.05, -0.12)))
+    _body(world, _mesh(world, stand, (0.3, 0.32, 0.35)), -1, (0, 0, 0))
+    return table
+
+
+def _paint(world: World, body: int, path: Path, texture: NDArray[np.uint8]) -> None:
+    if not cv2.imwrite(str(path), texture[..., ::-1]):
+        raise StateError(f"could not write the texture {path}")
+    world.bullet.changeVisualShape(body, -1, textureUniqueId=world.bullet.loadTexture(str(path)))
+
+
+def _smooth_noise(generator: np.random.Generator, cells: tuple[int, int], size: tuple[int, int]) -> Floats:
+    coarse = generator.uniform(-1.0, 1.0, cells)
+    fine: Floats = cv2.resize(coarse, size[::-1], interpolation=cv2.INTER_CUBIC)
+    return fine
+
+
+def _wood(generator: np.random.Generator) -> NDArray[np.uint8]:
+    """Planks with grain, in a dull brown."""
+    grain = _smooth_noise(generator, (128, 4), (256, 256)) + 0.5 * _smooth_noise(generator, (256, 12), (256, 256))
+    base = np.array([146.0, 126.0, 104.0]) + generator.uniform(-12, 12, 3)
+    return np.clip(base + 10.0 * grain[..., None], 0, 255).astype(np.uint8)
+
+
+def _wallpaper(generator: np.random.Generator) -> NDArray[np.uint8]:
+    """Blotches and rectangles in muted colours."""
+    base = generator.uniform(120, 185) + generator.uniform(-14, 14, 3)
+    texture = base + 9.0 * np.stack([_smooth_noise(generator, (8, 8), (256, 256)) for _ in range(3)], -1)
+    for _ in range(14):
+        corner, extent = generator.integers(0, 220, 2), generator.integers(10, 50, 2)
+        tone = generator.uniform(70, 205) + generator.uniform(-25, 25, 3)
+        rows, columns = (slice(int(c), int(c + e)) for c, e in zip(corner, extent, strict=True))
+        texture[rows, columns] = 0.35 * texture[rows, columns] + 0.65 * tone
+    return np.clip(texture, 0, 255).astype(np.uint8)

@@ -1,0 +1,167 @@
+"""The one owner of pybullet: a physics world with one robot in it.
+
+Everything that touches the simulator goes through here or through the other files of this folder; above
+it there are only poses, images and joint angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import TracebackType
+
+import numpy as np
+
+from ..errors import ArgumentError, MissingExtraError
+from ..kinematics import Floats, transform
+from ..robot import Robot
+
+try:
+    import pybullet
+    from pybullet_utils.bullet_client import BulletClient
+except ImportError:  # pragma: no cover - tested in an environment without the extra
+    raise MissingExtraError("the simulator (pybullet has wheels for CPython 3.10 and 3.11)", "sim") from None
+
+STEP = 1.0 / 240.0
+POSITION_GAIN = 0.25
+
+
+class World:
+    """A pybullet world with the robot's root frame as its own.
+
+    Args:
+        robot: the robot, with its URDF.
+        gui: open pybullet's window instead of running headless.
+    """
+
+    def __init__(self, robot: Robot, *, gui: bool = False) -> None:
+        self.robot = robot
+        self.bullet = BulletClient(pybullet.GUI if gui else pybullet.DIRECT)
+        self.time = 0.0
+        self.bullet.setGravity(0, 0, -9.81)
+        self.bullet.setTimeStep(STEP)
+        if gui:
+            self.bullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0)
+            self.bullet.resetDebugVisualizerCamera(1.1, 230, -25, [-0.2, 0.0, 0.1])
+        self.body: int = self.bullet.loadURDF(str(robot.urdf), useFixedBase=True)
+        self.joint_index: dict[str, int] = {}
+        self.link_index: dict[str, int] = {robot.root: -1}
+        for k in range(self.bullet.getNumJoints(self.body)):
+            info = self.bullet.getJointInfo(self.body, k)
+            self.link_index[info[12].decode()] = k
+            if info[2] == pybullet.JOINT_REVOLUTE:
+                self.joint_index[info[1].decode()] = k
+        self._effort = {
+            name: self.bullet.getJointInfo(self.body, k)[10] for name, k in self.joint_index.items()
+        }
+        # URDF poses are of link frames, pybullet's base pose is of the centre of mass.
+        place, turn = self.bullet.getDynamicsInfo(self.body, -1)[3:5]
+        self.bullet.resetBasePositionAndOrientation(self.body, place, turn)
+        self.hold()
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Disconnect from pybullet; a second call does nothing."""
+        if self.bullet.isConnected():
+            self.bullet.disconnect()
+
+    def variables_to_joints(self, variables: Mapping[str, float]) -> dict[str, float]:
+        """URDF joint angles [rad] of robot variables, couplings resolved.
+
+        A joint coupled to several variables needs them all.
+        """
+        angles = {name: value for name, value in variables.items() if name in self.joint_index}
+        for joint, terms in self.robot.couplings.items():
+            if all(name in variables for name in terms):
+                angles[joint] = sum(factor * variables[name] for name, factor in terms.items())
+        unknown = [
+            name
+            for name in variables
+            if name not in self.joint_index and not any(name in t for t in self.robot.couplings.values())
+        ]
+        if unknown:
+            raise ArgumentError(f"variables: the robot has no {unknown}; it has {sorted(self.joint_index)}")
+        return angles
+
+    def place(self, variables: Mapping[str, float]) -> None:
+        """Put joints at angles [rad] at once, at rest: for the start of a run, never during a motion."""
+        for name, angle in self.variables_to_joints(variables).items():
+            self.bullet.resetJointState(self.body, self.joint_index[name], angle, 0.0)
+        self.hold()
+
+    def hold(self) -> None:
+        """Command every joint to stay where it is."""
+        self._command({name: self.angle(name) for name in self.joint_index})
+
+    def command(self, variables: Mapping[str, float]) -> None:
+        """Set position targets [rad] of joints; the motors move them as the world steps."""
+        self._command(self.variables_to_joints(variables))
+
+    def _command(self, angles: Mapping[str, float]) -> None:
+        names = list(angles)
+        self.bullet.setJointMotorControlArray(
+            self.body,
+            [self.joint_index[name] for name in names],
+            pybullet.POSITION_CONTROL,
+            targetPositions=[angles[name] for name in names],
+            forces=[self._effort[name] for name in names],
+            positionGains=[POSITION_GAIN] * len(names),
+        )
+
+    def step(self, count: int = 1) -> None:
+        """Advance the physics by ``count`` steps of 1/240 s."""
+        for _ in range(count):
+            self.bullet.stepSimulation()
+        self.time += count * STEP
+
+    def angle(self, joint: str) -> float:
+        """Angle [rad] of a URDF joint: the encoder."""
+        return float(self.bullet.getJointState(self.body, self.joint_index[joint])[0])
+
+    def read(self, variables: Iterable[str]) -> Floats:
+        """Encoder values [rad] of robot variables, couplings inverted by least squares."""
+        return np.array([self._read_one(name) for name in variables])
+
+    def _read_one(self, name: str) -> float:
+        if name in self.joint_index:
+            return self.angle(name)
+        joints = [joint for joint, terms in self.robot.couplings.items() if name in terms]
+        if not joints:
+            raise ArgumentError(f"variables: the robot has no '{name}'; it has {sorted(self.joint_index)}")
+        unknowns = sorted({term for joint in joints for term in self.robot.couplings[joint]})
+        mixing = [[self.robot.couplings[joint].get(term, 0.0) for term in unknowns] for joint in joints]
+        solved, *_ = np.linalg.lstsq(np.array(mixing), [self.angle(joint) for joint in joints], rcond=None)
+        return float(solved[unknowns.index(name)])
+
+    def gaze(self) -> Floats:
+        """Encoder values of the gaze variables (len(robot.gaze),) [rad]."""
+        return self.read(self.robot.gaze)
+
+    def link_pose(self, link: str) -> Floats:
+        """True pose (4, 4) of a link's frame in the root frame."""
+        index = self.link_index[link]
+        if index < 0:
+            place, turn = self.bullet.getBasePositionAndOrientation(self.body)
+            inertial = self.bullet.getDynamicsInfo(self.body, -1)[3:5]
+            place, turn = self.bullet.multiplyTransforms(
+                place, turn, *self.bullet.invertTransform(*inertial)
+            )
+        else:
+            state = self.bullet.getLinkState(self.body, index, computeForwardKinematics=1)
+            place, turn = state[4], state[5]
+        return transform(np.reshape(self.bullet.getMatrixFromQuaternion(turn), (3, 3)), place)
+
+    def palm_pose(self) -> Floats:
+        """True pose (4, 4) of the palm's frame in the root frame."""
+        return self.link_pose(self.robot.palm.link) @ self.robot.palm.frame
+
+    def touching(self, *, ignore: Iterable[int] = ()) -> set[int]:
+        """Bodies other than the robot that touch it now, without those in ``ignore``."""
+        pairs = self.bullet.getContactPoints(bodyA=self.body)
+        return {int(pair[2]) for pair in pairs if pair[2] != self.body} - set(ignore)

@@ -1,0 +1,115 @@
+"""Search for a known object with the eyes still: fresh windows every cycle until both eyes have it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..attention import Look
+from ..camera import PosedCamera
+from ..cylinder import Cylinder, Located, locate_cylinder
+from ..detectors import Everywhere, HistogramDetector, Silhouette, Where, Windows
+from ..detectors.histogram import Search
+from .timing import Stages
+
+MIN_EXPLAINED, MIN_VISIBLE = 0.8, 0.4
+"""A position is reported when in every eye its outline covers this fraction of what was segmented, and this
+fraction of its outline was segmented: the rest may be hidden."""
+
+Images = Mapping[str, NDArray[np.uint8]]
+
+
+@dataclass(frozen=True)
+class Target:
+    """What the robot looks for: its shape, and a detector of its colour."""
+
+    shape: Cylinder
+    detector: HistogramDetector
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What one cycle of looking gave.
+
+    Attributes:
+        located: the object's position once every eye has it.
+        where: where each camera looked.
+        searches: what was found there.
+        attended: fraction of all pixels that were looked at.
+    """
+
+    located: Located | None
+    where: Mapping[str, Where]
+    searches: Mapping[str, Search]
+    attended: float
+
+
+@dataclass
+class Finder:
+    """Looks at images where it is told and reports the target's position.
+
+    Hits are remembered per eye while the posture stays, see :meth:`forget`.
+    """
+
+    target: Target
+    stages: Stages = field(default_factory=Stages)
+    memory: dict[str, Silhouette] = field(default_factory=dict)
+
+    def forget(self) -> None:
+        """Drop the hits of earlier cycles: the eyes have moved."""
+        self.memory.clear()
+
+    def look(self, images: Images, views: Mapping[str, PosedCamera], where: Mapping[str, Where]) -> Sight:
+        """One cycle.
+
+        Args:
+            images: {camera: (H, W, 3) uint8 RGB}.
+            views: the cameras at the present posture, as the robot believes them to be.
+            where: where to look; cameras without an entry are not looked at.
+        """
+        searches: dict[str, Search] = {}
+        with self.stages.time("detection"):
+            for camera, there in where.items():
+                searches[camera] = self.target.detector.search(images[camera], there)
+                for silhouette in searches[camera].silhouettes[:1]:
+                    known = self.memory.get(camera)
+                    if known is None or silhouette.area > known.area:
+                        self.memory[camera] = silhouette
+        with self.stages.time("triangulation"):
+            located = self._locate(views)
+        pixels = sum(image.shape[0] * image.shape[1] for image in images.values())
+        looked = sum(int(np.count_nonzero(search.attended)) for search in searches.values())
+        return Sight(located, where, searches, looked / pixels)
+
+    def _locate(self, views: Mapping[str, PosedCamera]) -> Located | None:
+        if any(camera not in self.memory for camera in views):
+            return None
+        located = locate_cylinder(views, self.memory, self.target.shape)
+        if located is None or located.explained < MIN_EXPLAINED or located.visible < MIN_VISIBLE:
+            return None
+        return located
+
+
+def windows_from(
+    looks: Mapping[str, Look], count: int, size: int, generator: np.random.Generator
+) -> dict[str, Where]:
+    """``count`` fresh windows per camera, sampled from its landscape."""
+    return {camera: look.windows(count, size=size, seed=generator) for camera, look in looks.items()}
+
+
+def windows_anywhere(
+    shapes: Mapping[str, tuple[int, int]], count: int, size: int, generator: np.random.Generator
+) -> dict[str, Where]:
+    """``count`` windows per camera, uniform over the whole image: looking without attention."""
+    return {
+        camera: Windows(generator.integers((0, 0), (width, height), (count, 2)).astype(np.int32), size)
+        for camera, (height, width) in shapes.items()
+    }
+
+
+def everywhere(shapes: Mapping[str, tuple[int, int]]) -> dict[str, Where]:
+    """The full scan."""
+    return {camera: Everywhere() for camera in shapes}

@@ -1,0 +1,33 @@
+"""Where the time of a cycle goes."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+Clock = Callable[[], float]
+
+
+class Stages:
+    """Collects durations [s] by stage; ``clock`` returns seconds."""
+
+    def __init__(self, clock: Clock = time.perf_counter) -> None:
+        self._clock = clock
+        self.seconds: dict[str, list[float]] = defaultdict(list)
+
+    @contextmanager
+    def time(self, stage: str) -> Iterator[None]:
+        """Time the block as one more run of ``stage``."""
+        start = self._clock()
+        try:
+            yield
+        finally:
+            self.seconds[stage].append(self._clock() - start)
+
+    def medians_ms(self) -> dict[str, float]:
+        """Median duration [ms] of each stage."""
+        return {stage: 1e3 * float(np.median(values)) for stage, values in self.seconds.items()}
