@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from motorprime._arrays import Floats, rows
-from motorprime.camera import MIN_DEPTH, Camera, PosedCamera
+from motorprime.camera import Camera, PosedCamera
 from motorprime.errors import ArgumentError, ArgumentTypeError
 
 MIN_ANGLE = 1e-3
@@ -156,10 +156,6 @@ def _nearest_to_rays(cameras: list[PosedCamera], targets: Floats) -> tuple[Float
     determined &= np.linalg.eigvalsh(normal)[:, 0] >= 1.0 - math.cos(MIN_ANGLE)
     points = np.full((count, 3), np.nan)
     points[determined] = np.linalg.solve(normal[determined], right[determined, :, None])[:, :, 0]
-    behind = np.zeros(count, np.bool_)
-    for camera, seen in zip(cameras, visible, strict=True):
-        behind |= seen & (camera.depth(np.where(determined[:, None], points, 0.0)) < MIN_DEPTH)
-    points[behind] = np.nan
     return points, visible
 
 
@@ -198,5 +194,5 @@ def _refine(
             break
         gradient = np.where(better[:, None], new[1], gradient)
         hessian = np.where(better[:, None, None], new[2], hessian)
-    # Without a cost the point lies where a lens bends nothing into the image.
+    # Without a cost the point is behind one of its cameras, or outside what its lens can see.
     return np.where(np.isfinite(cost)[:, None], points, np.nan)
