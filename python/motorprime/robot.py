@@ -52,6 +52,7 @@ class Robot:
         ranges: limits [rad] of variables that the URDF does not know, and tighter ones for those it does.
         rest: posture [rad] of variables that is preferred when the task leaves a choice; others prefer the
             middle of their range.
+        around_eyes: links that enclose the cameras and that no camera is to see.
         urdf: the kinematics; a robot without it serves as a template, see :meth:`with_urdf`.
     """
 
@@ -66,6 +67,7 @@ class Robot:
     couplings: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     rest: Mapping[str, float] = field(default_factory=dict)
+    around_eyes: tuple[str, ...] = ()
     urdf: Path | None = None
 
     def with_urdf(self, path: str | Path) -> Robot:
@@ -171,6 +173,7 @@ ICUB = Robot(
         "r_eye_pan": {"eyes_version": 1.0, "eyes_vergence": -0.5},
     },
     ranges=_degrees(eyes_tilt=(-30, 30), eyes_version=(-30, 30), eyes_vergence=(0, 50)),
+    around_eyes=("head",),
     rest={name: 0.0 for name in ("torso_pitch", "torso_roll", "torso_yaw", "neck_roll", "neck_yaw")},
 )
 """The iCub's gaze and right arm. Joint ranges are those of iCubGazeboV2_5 and of the simulator's eyes; the

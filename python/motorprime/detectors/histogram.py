@@ -7,6 +7,7 @@ without a look at the rest of the image.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -55,6 +56,37 @@ class Silhouette:
         u0, v0, u1, v1 = self.box
         full[v0:v1, u0:u1] = self.mask
         return full
+
+
+def merge(pieces: Sequence[Silhouette], *, gap: float = 0.5) -> Silhouette:
+    """One silhouette of the largest piece and those near it: something in front may split an object.
+
+    Args:
+        pieces: at least one.
+        gap: largest distance between the boxes of the largest and of another piece, in sizes of the former.
+    """
+    largest = max(pieces, key=lambda piece: piece.area)
+    u0, v0, u1, v1 = largest.box
+    reach = gap * max(u1 - u0, v1 - v0)
+    near = [
+        piece
+        for piece in pieces
+        if piece.box[0] < u1 + reach
+        and piece.box[2] > u0 - reach
+        and piece.box[1] < v1 + reach
+        and piece.box[3] > v0 - reach
+    ]
+    if len(near) == 1:
+        return largest
+    boxes = np.array([piece.box for piece in near])
+    (left, top), (right, bottom) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+    mask = np.zeros((bottom - top, right - left), dtype=np.bool_)
+    for piece in near:
+        u, v, u1, v1 = piece.box
+        mask[v - top : v1 - top, u - left : u1 - left] |= piece.mask
+    areas = np.array([[piece.area] for piece in near], dtype=np.float64)
+    centroid = (areas * np.array([piece.centroid for piece in near])).sum(axis=0) / areas.sum()
+    return Silhouette(mask, (int(left), int(top)), centroid, largest.score)
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ def _search(
         error = float(np.linalg.norm(sight.located.centre - centre))
         over = all(
             truth[camera][tuple(np.rint(silhouette.centroid[::-1]).astype(int))]
-            for camera, silhouette in finder.memory.items()
+            for camera, silhouette in finder.reported.items()
         )
         return Outcome(over and error < TOLERANCE, True, cycle, error)
     return Outcome(False, False, limit + 1, float("nan"))

@@ -128,7 +128,12 @@ class Eyes:
 
     def capture(self) -> Mapping[str, Frame]:
         """One frame of every camera."""
-        return {name: self._noisy(render(self.world.bullet, view, light=self.light)) for name, view in self.views().items()}
+        # The head is a shell around the eyes: at the near plane the renderer would tear splinters out of it.
+        with self.world.hidden(self.world.robot.around_eyes):
+            return {
+                name: self._noisy(render(self.world.bullet, view, light=self.light))
+                for name, view in self.views().items()
+            }
 
     def _noisy(self, frame: Frame) -> Frame:
         if self.noise <= 0.0:

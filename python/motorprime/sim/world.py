@@ -6,7 +6,8 @@ it there are only poses, images and joint angles.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from types import TracebackType
 
 import numpy as np
@@ -160,6 +161,19 @@ class World:
     def palm_pose(self) -> Floats:
         """True pose (4, 4) of the palm's frame in the root frame."""
         return self.link_pose(self.robot.palm.link) @ self.robot.palm.frame
+
+    @contextmanager
+    def hidden(self, links: Iterable[str]) -> Iterator[None]:
+        """Leave links of the robot out of the pictures taken within the block."""
+        indices = {self.link_index[link] for link in links}
+        colours = [(s[1], s[7]) for s in self.bullet.getVisualShapeData(self.body) if s[1] in indices]
+        for link, colour in colours:
+            self.bullet.changeVisualShape(self.body, link, rgbaColor=[*colour[:3], 0.0])
+        try:
+            yield
+        finally:
+            for link, colour in colours:
+                self.bullet.changeVisualShape(self.body, link, rgbaColor=colour)
 
     def touching(self, *, ignore: Iterable[int] = ()) -> set[int]:
         """Bodies other than the robot that touch it now, without those in ``ignore``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..attention import Look
 from ..camera import PosedCamera
 from ..cylinder import Cylinder, Located, locate_cylinder
 from ..detectors import Everywhere, HistogramDetector, Silhouette, Where, Windows
-from ..detectors.histogram import Search
+from ..detectors.histogram import Search, merge
 from .timing import Stages
 
 MIN_EXPLAINED, MIN_VISIBLE = 0.8, 0.4
@@ -52,11 +52,16 @@ class Finder:
     """Looks at images where it is told and reports the target's position.
 
     Hits are remembered per eye while the posture stays, see :meth:`forget`.
+
+    Attributes:
+        memory: regions hit so far in each camera, the largest first.
+        reported: the silhouettes behind the last report.
     """
 
     target: Target
     stages: Stages = field(default_factory=Stages)
-    memory: dict[str, Silhouette] = field(default_factory=dict)
+    memory: dict[str, tuple[Silhouette, ...]] = field(default_factory=dict)
+    reported: Mapping[str, Silhouette] = field(default_factory=dict)
 
     def forget(self) -> None:
         """Drop the hits of earlier cycles: the eyes have moved."""
@@ -74,23 +79,39 @@ class Finder:
         with self.stages.time("detection"):
             for camera, there in where.items():
                 searches[camera] = self.target.detector.search(images[camera], there)
-                for silhouette in searches[camera].silhouettes[:1]:
-                    known = self.memory.get(camera)
-                    if known is None or silhouette.area > known.area:
-                        self.memory[camera] = silhouette
+                self._remember(camera, searches[camera].silhouettes)
         with self.stages.time("triangulation"):
             located = self._locate(views)
         pixels = sum(image.shape[0] * image.shape[1] for image in images.values())
         looked = sum(int(np.count_nonzero(search.attended)) for search in searches.values())
         return Sight(located, where, searches, looked / pixels)
 
+    def _remember(self, camera: str, found: Sequence[Silhouette]) -> None:
+        """Keep regions that are new; one that grew, because something moved away, replaces its old self."""
+        old = self.memory.get(camera, ())
+        fresh = [s for s in found if not any(_contains(o, s.centroid) and o.area >= s.area for o in old)]
+        kept = [o for o in old if not any(_contains(s, o.centroid) for s in fresh)]
+        if fresh:
+            self.memory[camera] = tuple(sorted([*kept, *fresh], key=lambda s: -s.area))
+
     def _locate(self, views: Mapping[str, PosedCamera]) -> Located | None:
-        if any(camera not in self.memory for camera in views):
+        """The position that explains the hits: of all nearby pieces together, else of the largest alone."""
+        if any(not self.memory.get(camera) for camera in views):
             return None
-        located = locate_cylinder(views, self.memory, self.target.shape)
-        if located is None or located.explained < MIN_EXPLAINED or located.visible < MIN_VISIBLE:
-            return None
-        return located
+        together = {camera: merge(self.memory[camera]) for camera in views}
+        alone = {camera: self.memory[camera][0] for camera in views}
+        for silhouettes in (together,) if all(together[c] is alone[c] for c in views) else (together, alone):
+            located = locate_cylinder(views, silhouettes, self.target.shape)
+            if located and located.explained >= MIN_EXPLAINED and located.visible >= MIN_VISIBLE:
+                self.reported = silhouettes
+                return located
+        return None
+
+
+def _contains(silhouette: Silhouette, pixel: NDArray[np.float64]) -> bool:
+    u, v = np.rint(pixel).astype(int) - silhouette.corner
+    height, width = silhouette.mask.shape
+    return bool(0 <= u < width and 0 <= v < height and silhouette.mask[v, u])
 
 
 def windows_from(
