@@ -1,0 +1,158 @@
+"""A plain NumPy twin of every kernel: clear, slow, in float64.
+
+Nothing here is shared with the library, so that a mistake would have to be made twice. The sampler's twin
+repeats its generator too, and so gives the very same samples.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+MASK64 = 2**64 - 1
+
+
+def gaussian_landscape(
+    mean: Any, chol: Any, shape: tuple[int, int], cutoff: float = 3.0, mixing: float = 1.0
+) -> Floats:
+    """Eq. 2-5 and 10, the whole image at once."""
+    l1, l2, l3 = chol
+    v, u = np.mgrid[: shape[0], : shape[1]].astype(float)
+    z1 = (u - mean[0]) / l1
+    z2 = ((v - mean[1]) - l2 * z1) / l3
+    square = z1 * z1 + z2 * z2
+    uniform = 2 * -np.expm1(-(cutoff**2) / 2) / cutoff**2
+    inside = square <= cutoff**2 * (1 + 1e-12)
+    return np.where(inside, mixing * np.exp(-square / 2) + (1 - mixing) * uniform, 0.0)
+
+
+def profile(kernel: str, offset: Floats, width: Floats | float) -> Floats:
+    """k(offset / width) of Eq. 8 and 9."""
+    if kernel == "triangular":
+        return np.where(np.abs(offset) < width, 1 - np.abs(offset) / width, 0.0)
+    inside = np.abs(offset) <= 5 * np.asarray(width)
+    return np.where(inside, np.exp(-((offset / width) ** 2) / 2) / math.sqrt(2 * math.pi), 0.0)
+
+
+def pairs(width: Any, count: int) -> Floats:
+    """Widths (N, 2) from any form that the library accepts."""
+    if isinstance(width, np.ndarray) and width.ndim == 1:
+        width = np.stack([width, width], axis=1)
+    return np.broadcast_to(np.asarray(width, dtype=float), (count, 2))
+
+
+def kernel_landscape(
+    points: Any, shape: tuple[int, int], width: Any, kernel: str = "triangular", weights: Any = None
+) -> Floats:
+    """Eq. 7 as a triple sum over points, rows and columns."""
+    points = np.asarray(points, dtype=float).reshape(-1, 2)
+    widths = pairs(width, len(points))
+    weights = np.ones(len(points)) if weights is None else np.asarray(weights, dtype=float)
+    rows, columns = np.arange(shape[0], dtype=float), np.arange(shape[1], dtype=float)
+    total = np.zeros(shape)
+    for (u, v), (wide, high), weight in zip(points, widths, weights, strict=True):
+        across, down = profile(kernel, columns - u, wide), profile(kernel, rows - v, high)
+        total += weight / wide / high * np.outer(down, across)
+    return total / weights.sum()
+
+
+def kernel_peak(points: Any, width: Any, kernel: str = "triangular") -> float:
+    """The largest peak of one point, K(0) / (N h_h h_v): the unit in which errors are measured."""
+    peak = 1.0 if kernel == "triangular" else 1 / (2 * math.pi)
+    return peak / len(points) / float(np.prod(pairs(width, len(points)), axis=1).min())
+
+
+def threshold(
+    landscape: npt.NDArray[Any],
+    fraction: float | None = None,
+    count: int | None = None,
+    stride: int = 1,
+) -> float:
+    """The definition, read off a full sort."""
+    pixels = np.sort(landscape[::stride, ::stride], axis=None)[::-1]
+    wanted = (
+        math.ceil(fraction * pixels.size - 1e-9) if fraction is not None else -(-(count or 0) // stride**2)
+    )
+    positive = pixels[pixels > 0]
+    return float(positive[min(max(wanted, 1), len(positive)) - 1])
+
+
+class Generator:
+    """xoshiro256++ filled by splitmix64, in Python integers."""
+
+    def __init__(self, seed: int) -> None:
+        self.state = []
+        for _ in range(4):
+            seed = (seed + 0x9E3779B97F4A7C15) & MASK64
+            z = seed
+            z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK64
+            z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK64
+            self.state.append(z ^ (z >> 31))
+
+    def uniform(self) -> float:
+        """A float in [0, 1) from the 53 upper bits of the next number."""
+        s = self.state
+        result = (_rotate((s[0] + s[3]) & MASK64, 23) + s[0]) & MASK64
+        t = (s[1] << 17) & MASK64
+        s[2] ^= s[0]
+        s[3] ^= s[1]
+        s[1] ^= s[2]
+        s[0] ^= s[3]
+        s[2] ^= t
+        s[3] = _rotate(s[3], 45)
+        return (result >> 11) * 2.0**-53
+
+
+def _rotate(x: int, k: int) -> int:
+    return ((x << k) | (x >> (64 - k))) & MASK64
+
+
+def _invert(masses: npt.NDArray[Any], x: float) -> int:
+    cumulative = np.cumsum(masses, dtype=np.float64)
+    return int(np.searchsorted(cumulative, x * cumulative[-1], side="right"))
+
+
+def gibbs_sample(
+    landscape: npt.NDArray[Any],
+    n: int,
+    seed: int,
+    start: tuple[int, int] | None = None,
+    burn_in: int = 0,
+    thin: int = 1,
+) -> npt.NDArray[np.int32]:
+    """Sweep after sweep, u from the row and then v from the column."""
+    generator = Generator(seed)
+    pixels = landscape.astype(np.float32).astype(np.float64)
+    v = start[1] if start else _invert(pixels.sum(axis=1), generator.uniform())
+    chain = []
+    for _ in range(burn_in + n * thin):
+        u = _invert(pixels[v], generator.uniform())
+        v = _invert(pixels[:, u], generator.uniform())
+        chain.append((u, v))
+    kept = chain[burn_in + thin - 1 :: thin]
+    return np.array(kept, dtype=np.int32).reshape(n, 2)
+
+
+def mlp(
+    x: Floats,
+    weights: list[Floats],
+    biases: list[Floats],
+    input_scale: tuple[Floats, Floats],
+    output_scale: tuple[Floats, Floats],
+) -> Floats:
+    """tanh on every layer but the last, between a scaled input and a scaled output."""
+    y = (x - input_scale[0]) / input_scale[1]
+    for w, b in zip(weights[:-1], biases[:-1], strict=True):
+        y = np.tanh(y @ w.T + b)
+    y = y @ weights[-1].T + biases[-1]
+    return y * output_scale[1] + output_scale[0]
+
+
+def chi_square_bound(degrees: int, sigmas: float = 5.0) -> float:
+    """Wilson-Hilferty: exceeded about as rarely as a normal variable exceeds `sigmas`."""
+    spread = 2 / (9 * degrees)
+    return degrees * (1 - spread + sigmas * math.sqrt(spread)) ** 3
