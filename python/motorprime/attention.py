@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 
 from .detectors.base import Mask, Windows
 from .errors import StateError
-from .landscape import gaussian_landscape, gibbs_sample, threshold
-from .motorplan import motorplan_landscape
+from .landscape import KernelName, gaussian_landscape, gibbs_sample, threshold
+from .kinematics import Floats
+from .motorplan import motorplan_landscape, pixel_landscapes
 from .peripersonal import ProjectedGaussian, ReachCloud, covered, fit_peripersonal
 from .projection import Projection
 
@@ -81,9 +83,16 @@ class Attention:
             NotInViewError: the reachable space is in no camera's view.
             StateError: this attention has no reach cloud.
         """
+        return self.peripersonal_from(self.gaussians(joints), mixing=mixing)
+
+    def peripersonal_from(
+        self, gaussians: Mapping[str, ProjectedGaussian], *, mixing: float = 1.0
+    ) -> dict[str, Look]:
+        """The second half of :meth:`peripersonal`: landscapes of the Gaussians of each camera."""
+        shapes = self.projection.shapes
         return {
-            camera: Look(gaussian_landscape(fit.mean, fit.chol, self.projection.shapes[camera], mixing=mixing))
-            for camera, fit in self.gaussians(joints).items()
+            camera: Look(gaussian_landscape(fit.mean, fit.chol, shapes[camera], mixing=mixing))
+            for camera, fit in gaussians.items()
         }
 
     def gaussians(self, joints: npt.ArrayLike) -> dict[str, ProjectedGaussian]:
@@ -99,7 +108,7 @@ class Attention:
         *,
         width: float | None = None,
         metres: float | None = None,
-        kernel: str = "triangular",
+        kernel: KernelName = "triangular",
     ) -> dict[str, Look]:
         """Attention to a planned path (N, 3) [m] (Eq. 6-9); see :func:`motorplan_landscape`.
 
@@ -108,5 +117,15 @@ class Attention:
         landscapes = motorplan_landscape(
             path, self.projection, joints, width=width, metres=metres, kernel=kernel
         )
-        looks = {camera: Look(landscape) for camera, landscape in landscapes.items()}
-        return {camera: look for camera, look in looks.items() if not look.is_empty}
+        return _seen(landscapes)
+
+    def motor_plan_from(
+        self, pixels: Mapping[str, Floats], *, width: float | None = None, kernel: KernelName = "triangular"
+    ) -> dict[str, Look]:
+        """The second half of :meth:`motor_plan`: landscapes of projected paths {camera: (N, 2)} [px]."""
+        return _seen(pixel_landscapes(pixels, self.projection.shapes, width=width, kernel=kernel))
+
+
+def _seen(landscapes: Mapping[str, NDArray[np.float32]]) -> dict[str, Look]:
+    looks = {camera: Look(landscape) for camera, landscape in landscapes.items()}
+    return {camera: look for camera, look in looks.items() if not look.is_empty}

@@ -6,6 +6,8 @@ around the path, which gives each point the width that its depth asks for.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 from ._arrays import rows
 from .errors import ArgumentError, NotInViewError
 from .kinematics import Floats
-from .landscape import kernel_landscape
+from .landscape import KernelName, kernel_landscape
 from .projection import Projection
 
 DEFAULT_WIDTH = 40.0
@@ -32,7 +34,7 @@ def motorplan_landscape(
     *,
     width: float | None = None,
     metres: float | None = None,
-    kernel: str = "triangular",
+    kernel: KernelName = "triangular",
 ) -> dict[str, NDArray[np.float32]]:
     """Landscape of a planned path in every camera that sees some of it.
 
@@ -57,19 +59,43 @@ def motorplan_landscape(
     if width is not None and metres is not None:
         raise ArgumentError("width, metres: give one of them")
     pixels = projection.project(points, joints)
+    if metres is None:
+        return pixel_landscapes(pixels, projection.shapes, width=width, kernel=kernel)
+    widths = {camera: _widths(points, projection, joints, camera, metres) for camera in pixels}
+    return pixel_landscapes(pixels, projection.shapes, width=widths, kernel=kernel)
+
+
+def pixel_landscapes(
+    pixels: Mapping[str, Floats],
+    shapes: Mapping[str, tuple[int, int]],
+    *,
+    width: float | Mapping[str, Floats] | None = None,
+    kernel: KernelName = "triangular",
+) -> dict[str, NDArray[np.float32]]:
+    """Landscape of a projected path in every camera that has some of it in front.
+
+    Args:
+        pixels: {camera: (N, 2)} (u, v); NaN rows are points that the camera does not see.
+        shapes: {camera: (height, width)}.
+        width: kernel width h [px]: one number, or {camera: (N,)} a width per point; default 40 at 320 x 240.
+        kernel: 'triangular' or 'gaussian'.
+
+    Raises:
+        NotInViewError: only NaN rows in every camera.
+    """
     landscapes = {}
-    for camera, shape in projection.shapes.items():
-        ahead = np.isfinite(pixels[camera]).all(axis=1)
+    for camera, places in pixels.items():
+        ahead = np.isfinite(places).all(axis=1)
         if not ahead.any():
             continue
         size: float | Floats
-        if metres is None:
-            size = default_width(shape) if width is None else width
+        if isinstance(width, Mapping):
+            size = width[camera][ahead]
         else:
-            size = _widths(points[ahead], projection, joints, camera, metres)
-        landscapes[camera] = kernel_landscape(pixels[camera][ahead], shape, width=size, kernel=kernel)
+            size = default_width(shapes[camera]) if width is None else width
+        landscapes[camera] = kernel_landscape(places[ahead], shapes[camera], width=size, kernel=kernel)
     if not landscapes:
-        raise NotInViewError(f"path: none of its {len(points)} points is in front of a camera")
+        raise NotInViewError("path: none of its points is in front of a camera")
     return landscapes
 
 

@@ -53,6 +53,8 @@ class Robot:
         rest: posture [rad] of variables that is preferred when the task leaves a choice; others prefer the
             middle of their range.
         around_eyes: links that enclose the cameras and that no camera is to see.
+        guarded: links of the arm -> height [m] that they keep over a work surface.
+        aside: place [m] of the palm in the root frame where the hand is out of the eyes' way.
         urdf: the kinematics; a robot without it serves as a template, see :meth:`with_urdf`.
     """
 
@@ -68,6 +70,8 @@ class Robot:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     rest: Mapping[str, float] = field(default_factory=dict)
     around_eyes: tuple[str, ...] = ()
+    guarded: Mapping[str, float] = field(default_factory=dict)
+    aside: tuple[float, float, float] | None = None
     urdf: Path | None = None
 
     def with_urdf(self, path: str | Path) -> Robot:
@@ -174,6 +178,8 @@ ICUB = Robot(
     },
     ranges=_degrees(eyes_tilt=(-30, 30), eyes_version=(-30, 30), eyes_vergence=(0, 50)),
     around_eyes=("head",),
+    guarded={"r_elbow_1": 0.045, "r_wrist_1": 0.04},
+    aside=(-0.10, 0.34, 0.06),
     rest={name: 0.0 for name in ("torso_pitch", "torso_roll", "torso_yaw", "neck_roll", "neck_yaw")},
 )
 """The iCub's gaze and right arm. Joint ranges are those of iCubGazeboV2_5 and of the simulator's eyes; the

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
+from ..cylinder import Cylinder
 from ..errors import ArgumentError
 from ..kinematics import Floats
 
@@ -25,7 +27,7 @@ class PalmPath:
         goal: (3,) [m], the pre-grasp point.
         facing: (3,) unit vector; the curve arrives along it.
         duration: [s].
-        lift: how far above the straight way the curve bulges [m].
+        bulge: (3,) [m], how far the first half of the curve is pulled off the straight way.
         run_up: length of the final stretch along ``facing`` [m].
     """
 
@@ -33,7 +35,7 @@ class PalmPath:
     goal: Floats
     facing: Floats
     duration: float
-    lift: float = 0.08
+    bulge: tuple[float, float, float] = (0.0, 0.0, 0.08)
     run_up: float = 0.12
 
     def __post_init__(self) -> None:
@@ -43,9 +45,9 @@ class PalmPath:
     def at(self, time: Floats | float) -> Floats:
         """Places (..., 3) [m] at times [s] since the start; before and after it rests at the ends."""
         s = minimum_jerk(np.asarray(time, dtype=np.float64) / self.duration)[..., None]
-        up = np.array([0.0, 0.0, self.lift])
-        leave = self.start + 0.25 * (self.goal - self.start) + up
-        arrive = self.goal - self.run_up * self.facing + 0.5 * up
+        bulge = np.array(self.bulge)
+        leave = self.start + 0.25 * (self.goal - self.start) + bulge
+        arrive = self.goal - self.run_up * self.facing + 0.5 * bulge
         return (
             (1 - s) ** 3 * self.start
             + 3 * s * (1 - s) ** 2 * leave
@@ -56,3 +58,46 @@ class PalmPath:
     def ahead(self, time: float, count: int = 50) -> Floats:
         """The way that is left after ``time`` [s]: (count, 3) [m], evenly spread in time."""
         return self.at(np.linspace(min(time, self.duration), self.duration, count))
+
+
+LIFTS, DETOURS = (0.06, 0.10, 0.15, 0.20), (0.0, 0.06, 0.12, 0.18)
+CLEARANCE = 0.06
+"""Between the palm's origin and the target's surface [m] until the run-up: half a hand and a little more."""
+
+
+def plan_path(
+    start: Floats, goal: Floats, facing: Floats, *, keep_off: Cylinder, centre: Floats, duration: float
+) -> PalmPath:
+    """The least detour among a few curves that keeps the hand off the target until it faces it.
+
+    Args:
+        start: the palm's place (3,) [m].
+        goal: the pre-grasp point (3,) [m].
+        facing: (3,) unit vector out of the palm at the goal.
+        keep_off: the target's shape, and ``centre`` (3,) [m] its place.
+        duration: [s].
+
+    Returns:
+        The first clear curve in order of detour; where none is clear, the one that stays farthest off.
+    """
+    curves = [
+        PalmPath(start, goal, facing, duration, bulge=(-detour * facing[0], -detour * facing[1], lift))
+        for lift, detour in sorted(product(LIFTS, DETOURS), key=lambda pair: pair[0] ** 2 + pair[1] ** 2)
+    ]
+    clearances = [_clearance(curve, keep_off, centre) for curve in curves]
+    for curve, clearance in zip(curves, clearances, strict=True):
+        if clearance >= CLEARANCE:
+            return curve
+    return curves[int(np.argmax(clearances))]
+
+
+def _clearance(curve: PalmPath, cylinder: Cylinder, centre: Floats) -> float:
+    """Least distance [m] between the curve before its last 3 cm and the cylinder's surface."""
+    places = curve.ahead(0.0, 80)
+    places = places[np.linalg.norm(places - curve.goal, axis=1) > 0.03] - centre
+    if not len(places):
+        return np.inf
+    beside = np.hypot(places[:, 0], places[:, 1]) - cylinder.radius
+    above = np.abs(places[:, 2]) - cylinder.height / 2
+    outside = np.hypot(np.maximum(beside, 0.0), np.maximum(above, 0.0))
+    return float(np.min(np.where((beside < 0.0) & (above < 0.0), -1.0, outside)))

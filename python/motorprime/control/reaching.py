@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import UnreachableError
-from ..kinematics import Floats
+from ..kinematics import Chain, Floats, apply
 from ..robot import Robot
 from .solver import solve_bounded
 
@@ -19,8 +19,11 @@ STANDOFF = 0.08
 """Distance [m] of the palm's origin from the object's axis at the pre-grasp point."""
 
 POSITION, FACING, LEVEL, COMFORT = 200.0, 4.0, 1.5, 0.12  # weights: per m, per unit of direction, per rad
+HAND = np.array([[0.105, -0.03, -0.01], [0.105, 0.035, -0.01], [-0.01, 0.04, -0.01], [-0.01, -0.11, -0.01]])
+"""Fingertips, the hand's lower edge and the thumb's tip in the palm's frame [m]; HAND_CLEARANCE above the bench."""
+HAND_CLEARANCE = 0.01
 ABOVE = 60.0  # per metre that a point of the arm dips below its clearance over the table
-AZIMUTHS = np.deg2rad(np.arange(-20.0, 111.0, 10.0))  # of the palm's facing: 0 to the left, 90 straight ahead
+AZIMUTHS = np.deg2rad(np.arange(-20.0, 101.0, 15.0))  # of the palm's facing: 0 to the left, 90 straight ahead
 
 
 @dataclass(frozen=True)
@@ -30,12 +33,10 @@ class Bench:
     Attributes:
         height: of its top in the root frame [m].
         edge: x of its near edge [m] (the root's x points backwards).
-        clearance: of elbow and wrist above it [m].
     """
 
     height: float
     edge: float
-    clearance: float = 0.045
 
 
 @dataclass(frozen=True)
@@ -69,9 +70,7 @@ class ReachSolver:
         self.rest = np.clip(robot.resting(self.names), self.limits[:, 0], self.limits[:, 1])
         stiff = np.array([3.0 if name in robot.torso else 1.0 for name in self.names])
         self.comfort = COMFORT * stiff
-        self._links = [
-            robot.tree.chain(robot.root, link) for link in ("r_elbow_1", "r_wrist_1") if link in robot.tree.links
-        ]
+        self._guards = [] if bench is None else self._guard(bench)
 
     def palm(self, angles: Floats) -> Floats:
         """Pose (4, 4) of the palm."""
@@ -93,6 +92,8 @@ class ReachSolver:
         for azimuth in AZIMUTHS:
             facing = np.array([-np.sin(azimuth), -np.cos(azimuth), 0.0])
             for seed in (self.rest, start):
+                if best is not None and seed is start:
+                    continue  # a second start only helps where the first has found nothing
                 angles = self.solve(centre - STANDOFF * facing, facing, seed, hold=self.rest)
                 pose = self.palm(angles)
                 error = float(np.linalg.norm(pose[:3, 3] - (centre - STANDOFF * facing)))
@@ -155,23 +156,47 @@ class ReachSolver:
 
         return solve_bounded(residuals, start, self.limits, jacobian=jacobian)
 
+    def _guard(self, bench: Bench) -> list[_Guard]:
+        """The points of the arm that must stay above the bench."""
+        robot = self.robot
+        guards = [
+            _Guard(robot.tree.chain(robot.root, link), np.zeros((1, 3)), bench, clearance)
+            for link, clearance in robot.guarded.items()
+        ]
+        return [*guards, _Guard(self.chain, apply(robot.palm.frame, HAND), bench, HAND_CLEARANCE)]
+
     def _dips(self, angles: Floats) -> list[float]:
         """How far each guarded point of the arm lies below its clearance over the bench [m]."""
-        if self.bench is None:
-            return []
-        return [
-            self.bench.height + self.bench.clearance - pose[2, 3] if pose[0, 3] < self.bench.edge + 0.06 else 0.0
-            for pose in (link.forward(angles[: len(link.names)]) for link in self._links)
-        ]
+        return [dip for guard in self._guards for dip in guard.dips(angles)]
 
     def _sinks(self, angles: Floats) -> float:
         return max([0.0, *self._dips(angles)])
 
     def _dip_rows(self, angles: Floats) -> list[Floats]:
-        rows = []
-        for dip, link in zip(self._dips(angles), self._links, strict=False):
-            row = np.zeros((1, len(angles)))
-            if dip > 0.0:
-                row[0, : len(link.names)] = -ABOVE * link.jacobian(angles[: len(link.names)])[1][2]
-            rows.append(row)
+        return [-ABOVE * guard.gradient(angles) for guard in self._guards]
+
+
+@dataclass(frozen=True)
+class _Guard:
+    """Points (N, 3) on the tip of a chain that are to stay ``clearance`` above a bench."""
+
+    chain: Chain
+    points: Floats
+    bench: Bench
+    clearance: float
+
+    def dips(self, angles: Floats) -> Floats:
+        """Depth (N,) [m] of each point below its clearance, negative above; 0 in front of the bench."""
+        places = apply(self.chain.forward(angles[: len(self.chain.names)]), self.points)
+        over = places[:, 0] < self.bench.edge + 0.06
+        return np.where(over, self.bench.height + self.clearance - places[:, 2], 0.0)
+
+    def gradient(self, angles: Floats) -> Floats:
+        """Derivative (N, n) of the points' heights where they dip, else 0."""
+        count = len(self.chain.names)
+        tip, geometric = self.chain.jacobian(angles[:count])
+        levers = self.points @ tip[:3, :3].T
+        rows = np.zeros((len(self.points), len(angles)))
+        for k in np.flatnonzero(self.dips(angles) > 0.0):
+            rows[k, :count] = (geometric[:3] + np.cross(geometric[3:].T, levers[k]).T)[2]
         return rows

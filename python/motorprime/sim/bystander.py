@@ -15,7 +15,7 @@ from .meshes import write_sphere
 from .world import World, pybullet
 
 _AWAY = (0.0, 0.0, -50.0)
-_BALLS = ((0.0165, 0.016, (0.97, 0.97, 0.98)), (0.0085, 0.0265, (0.05, 0.05, 0.07)))
+_BALLS = ((0.0165, 0.021, (0.97, 0.97, 0.98)), (0.0085, 0.032, (0.05, 0.05, 0.07)))
 
 
 def looking_at(eye: tuple[float, float, float], target: tuple[float, float, float]) -> Floats:

@@ -162,6 +162,10 @@ class World:
         """True pose (4, 4) of the palm's frame in the root frame."""
         return self.link_pose(self.robot.palm.link) @ self.robot.palm.frame
 
+    def clear_of(self, bodies: Iterable[int], distance: float) -> bool:
+        """Whether every link of the robot keeps ``distance`` [m] off all these bodies."""
+        return not any(self.bullet.getClosestPoints(self.body, other, distance) for other in bodies)
+
     @contextmanager
     def hidden(self, links: Iterable[str]) -> Iterator[None]:
         """Leave links of the robot out of the pictures taken within the block."""

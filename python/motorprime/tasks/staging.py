@@ -21,7 +21,7 @@ from ..kinematics import Floats
 from ..projection import KinematicProjection
 from ..robot import Robot
 from ..sim.cameras import Eyes, Frame, Light
-from ..sim.scene import Glass, Layout, Scene
+from ..sim.scene import TABLE_HEIGHT, Glass, Layout, Scene
 from ..sim.showing import show_glass
 from ..sim.world import World
 from .explore import Target
@@ -130,6 +130,28 @@ def strike_seeing_posture(stage: Stage, generator: np.random.Generator, *, visib
         if stage.visible(frames) >= visible:
             return frames
     raise StateError(f"posture: none of {ATTEMPTS} random ones has {visible:.0%} of the glass in both eyes")
+
+
+def strike_start(stage: Stage, generator: np.random.Generator, *, clearance: float = 0.03) -> None:
+    """Put the robot in a random start: gaze and arm drawn, the hand above the table, off everything by ``clearance``.
+
+    Raises:
+        StateError: none was found.
+    """
+    robot, world = stage.robot, stage.world
+    limits = robot.limits(robot.arm)
+    others = [stage.scene.table, *stage.scene.clutter]
+    others += [] if stage.scene.glass is None else [stage.scene.glass]
+    for _ in range(ATTEMPTS):
+        stage.strike(random_posture(robot, generator))
+        world.place(dict(zip(robot.arm, generator.uniform(limits[:, 0], limits[:, 1]), strict=True)))
+        x, y, z = world.palm_pose()[:3, 3]
+        # Over the near half of the table at the hand's own side, not behind or inside the robot.
+        if not (-0.32 < x < -0.12 and 0.0 < y < 0.35 and TABLE_HEIGHT + 0.06 < z < 0.22):
+            continue
+        if world.clear_of(others, clearance):
+            return
+    raise StateError(f"start: none of {ATTEMPTS} random postures keeps {clearance} m off everything")
 
 
 def _mostly_inside(view: PosedCamera, centre: Floats, glass: Cylinder) -> bool:

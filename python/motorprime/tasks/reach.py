@@ -1,0 +1,372 @@
+"""The main job: find the glass, look at it, plan, and bring the palm before it, looking only where it matters.
+
+The task is a generator of :class:`Cycle`: whoever drives it may show, record or stop it at any cycle. It
+sees and moves through :class:`Body` alone.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..attention import Attention, Look
+from ..control.gaze import fixate
+from ..control.path import PalmPath, minimum_jerk, plan_path
+from ..control.reaching import Bench, Pregrasp, ReachSolver
+from ..cylinder import Located
+from ..errors import NotInViewError, UnreachableError
+from ..kinematics import Floats
+from .body import Body
+from .explore import Finder, Sight, Target, everywhere, windows_from
+from .timing import Clock, Stages
+
+PERIOD = 0.1  # of a vision cycle [s]
+GAZE_SPEED = 1.2  # of the fastest joint when the gaze turns [rad/s]
+PALM_SPEED = 0.16  # mean speed of the palm on its way [m/s]
+ARRIVED = 0.004  # the palm's distance from its goal, by the encoders [m]
+JUMP = 0.03  # a larger change of the estimate is a new place, not noise [m]
+PLAN_POINTS = 50
+HAND_IN_THE_WAY = 3  # postures searched in vain before the hand is put aside
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the task looks and moves.
+
+    Attributes:
+        windows: fresh windows per eye and cycle; their ``size`` [px].
+        mixing: pi of Eq. 10 for the peripersonal search.
+        width: kernel width of the motor plan [px]; None for 40 at 320 x 240, scaled.
+        patience: cycles in one posture before the robot looks elsewhere.
+        postures: postures to search from before giving up.
+        compare: run the full-frame scan beside every cycle; its result is never used.
+    """
+
+    windows: int = 50
+    size: int = 20
+    mixing: float = 0.2
+    width: float | None = None
+    patience: int = 6
+    postures: int = 12
+    compare: bool = True
+
+
+@dataclass(frozen=True)
+class FullFrame:
+    """The full-frame scan beside a cycle: its time [s], the cheap back-projection's, and where it found the target."""
+
+    seconds: float
+    back_projection: float
+    located: Located | None
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One vision cycle.
+
+    Attributes:
+        phase: 'search', 'fixate' or 'reach'.
+        time: since the start [s].
+        joints: gaze posture [rad].
+        images: what the eyes saw.
+        looks: the landscape in each camera that has one.
+        sight: where was looked and what was found.
+        path: planned points of the hand (N, 3) [m], and the same in each image.
+        estimate: where the target is believed to be (3,) [m].
+        palm: the palm's place by the encoders (3,) [m].
+        goal: the palm's pre-grasp point (3,) [m].
+        seconds: time of each stage [s].
+        full: the full-frame scan beside it.
+    """
+
+    phase: str
+    time: float
+    joints: Floats
+    images: Mapping[str, NDArray[np.uint8]]
+    looks: Mapping[str, Look]
+    sight: Sight
+    palm: Floats
+    seconds: Mapping[str, float]
+    path: Floats | None = None
+    path_pixels: Mapping[str, Floats] = field(default_factory=dict)
+    estimate: Floats | None = None
+    goal: Floats | None = None
+    full: FullFrame | None = None
+
+
+class Reach:
+    """Find a target and bring the palm before it.
+
+    Args:
+        body: the robot.
+        target: what to look for.
+        attention: with the robot's projection and reach cloud.
+        bench: the work surface.
+        settings: how to look and move.
+        seed: draws windows and postures.
+        clock: for the times of the stages [s].
+
+    Attributes:
+        outcome: 'running', then 'reached', 'not found', 'refused' or 'missed'; :attr:`reason` says why.
+        pregrasp: the chosen posture before the grasp.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        target: Target,
+        attention: Attention,
+        bench: Bench,
+        *,
+        settings: Settings | None = None,
+        seed: int | np.random.Generator | None = None,
+        clock: Clock = time.perf_counter,
+    ) -> None:
+        self.body, self.target, self.attention = body, target, attention
+        self.settings = settings or Settings()
+        self.solver = ReachSolver(body.robot, bench)
+        self.generator = np.random.default_rng(seed)
+        self.clock = clock
+        self.stages = Stages(clock)
+        self.finder = Finder(target, self.stages)
+        self.outcome, self.reason = "running", ""
+        self.pregrasp: Pregrasp | None = None
+        self.estimate: Floats | None = None
+
+    def run(self) -> Iterator[Cycle]:
+        """The cycles, until :attr:`outcome` is known."""
+        yield from self._search()
+        if self.estimate is None:
+            self._end("not found", f"no glass in {self.settings.postures} postures of {self.settings.patience} cycles")
+            return
+        yield from self._fixate()
+        try:
+            self.pregrasp = self.solver.pregrasp(self.estimate, self._angles())
+        except UnreachableError as error:
+            self._end("refused", str(error))
+            return
+        yield from self._move()
+
+    def _end(self, outcome: str, reason: str = "") -> None:
+        self.outcome, self.reason = outcome, reason
+
+    def _angles(self) -> Floats:
+        return self.body.read(self.solver.names)
+
+    def _palm(self) -> Floats:
+        return self.solver.palm(self._angles())[:3, 3]
+
+    def _search(self) -> Iterator[Cycle]:
+        """Peripersonal windows, posture by posture (section III-B)."""
+        for posture in range(self.settings.postures):
+            self.finder.forget()
+            if posture == HAND_IN_THE_WAY:
+                self._put_hand_aside()
+            for _ in range(self.settings.patience):
+                cycle = self._peripersonal_cycle("search")
+                if cycle is None:
+                    break
+                yield cycle
+                if self.estimate is not None:
+                    return
+            self._look_elsewhere()
+
+    def _fixate(self) -> Iterator[Cycle]:
+        """Turn the gaze to the target and look again from there, where it is seen best."""
+        assert self.estimate is not None
+        try:
+            self._turn_gaze(fixate(self.body.robot, self.body.read(self.body.robot.gaze), self.estimate))
+        except UnreachableError:
+            return  # seen, but too far aside to look at straight
+        self.finder.forget()
+        for _ in range(self.settings.patience):
+            cycle = self._peripersonal_cycle("fixate")
+            if cycle is None:
+                return
+            yield cycle
+            if cycle.sight.located is not None:
+                return
+
+    def _peripersonal_cycle(self, phase: str) -> Cycle | None:
+        """One cycle of peripersonal windows; None when the reachable space is not in view."""
+        joints, images = self.body.read(self.body.robot.gaze), self.body.see()
+        before = self._mark()
+        try:
+            with self.stages.time("projection"):
+                fits = self.attention.gaussians(joints)
+        except NotInViewError:
+            return None
+        with self.stages.time("landscape"):
+            looks = self.attention.peripersonal_from(fits, mixing=self.settings.mixing)
+        return self._look(phase, joints, images, looks, before)
+
+    def _look(
+        self,
+        phase: str,
+        joints: Floats,
+        images: Mapping[str, NDArray[np.uint8]],
+        looks: Mapping[str, Look],
+        before: Mapping[str, int],
+        path: Floats | None = None,
+    ) -> Cycle:
+        views = self.attention.projection.posed(joints)
+        with self.stages.time("sampling"):
+            where = windows_from(looks, self.settings.windows, self.settings.size, self.generator)
+        sight = self.finder.look(images, views, where)
+        if sight.located is not None:
+            self._believe(sight.located.centre)
+        return Cycle(
+            phase=phase,
+            time=self.body.time,
+            joints=joints,
+            images=images,
+            looks=looks,
+            sight=sight,
+            palm=self._palm(),
+            seconds=self._since(before),
+            path=path,
+            path_pixels={} if path is None else self.attention.projection.project(path, joints),
+            estimate=None if self.estimate is None else self.estimate.copy(),
+            goal=self.pregrasp.point(self.estimate) if self.pregrasp and self.estimate is not None else None,
+            full=self._full_frame(images, joints) if self.settings.compare else None,
+        )
+
+    def _believe(self, place: Floats) -> None:
+        """A place near the last one is averaged with it; a jump is taken as it is."""
+        if self.estimate is None or np.linalg.norm(place - self.estimate) > JUMP:
+            self.estimate = place
+        else:
+            self.estimate = 0.5 * (self.estimate + place)
+
+    def _full_frame(self, images: Mapping[str, NDArray[np.uint8]], joints: Floats) -> FullFrame:
+        beside = Finder(self.target, Stages(self.clock))
+        views = self.attention.projection.posed(joints)
+        start = self.clock()
+        for image in images.values():
+            self.target.detector.back_project(image)
+        cheap = self.clock() - start
+        sight = beside.look(images, views, everywhere(self.attention.projection.shapes))
+        return FullFrame(beside.stages.seconds["detection"][0], cheap, sight.located)
+
+    def _look_elsewhere(self) -> None:
+        """Turn the gaze to a random reachable place in front."""
+        robot, joints = self.body.robot, self.body.read(self.body.robot.gaze)
+        assert self.attention.cloud is not None
+        reachable = self.attention.cloud.in_root(joints)
+        bench = self.solver.bench
+        if bench is not None:
+            above = reachable[:, 2] - bench.height
+            reachable = reachable[(reachable[:, 0] < bench.edge) & (above > 0.0) & (above < 0.2)]
+        for _ in range(50):
+            place = reachable[self.generator.integers(len(reachable))]
+            try:
+                self._turn_gaze(fixate(robot, joints, place))
+                return
+            except UnreachableError:
+                continue
+
+    def _put_hand_aside(self) -> None:
+        """Move the hand out of the view: it may hide what is searched."""
+        place = self.body.robot.aside
+        if place is None:
+            return
+        start = self._angles()
+        moving = np.array([name not in self.body.robot.torso for name in self.solver.names])
+        left = np.array([0.0, -1.0, 0.0])
+        posture = self.solver.solve(np.array(place), left, start, hold=np.where(moving, self.solver.rest, start))
+        targets = dict(zip(self.solver.names, (float(angle) for angle in posture), strict=True))
+        self.body.move(targets, max(1.0, float(np.abs(posture - start).max()) / GAZE_SPEED))
+
+    def _turn_gaze(self, posture: Floats) -> None:
+        robot = self.body.robot
+        present = self.body.read(robot.gaze)
+        names = [name for name in robot.gaze if name not in robot.torso]
+        targets = {name: float(posture[robot.gaze.index(name)]) for name in names}
+        turn = float(np.abs(posture - present).max())
+        self.body.move(targets, max(0.15, turn / GAZE_SPEED))
+        self.body.move(targets, 0.15)
+
+    def _move(self) -> Iterator[Cycle]:
+        """Move, with a look at every cycle where the plan leads (section III-C2)."""
+        assert self.pregrasp is not None and self.estimate is not None
+        solver, pregrasp = self.solver, self.pregrasp
+        begin, start = self._angles(), self.body.time
+        place = solver.palm(begin)[:3, 3]
+        facing = solver.palm(begin)[:3, 2]
+        goal = pregrasp.point(self.estimate)
+        duration = max(1.5, float(np.linalg.norm(goal - place)) / PALM_SPEED)
+        path = plan_path(
+            place, goal, pregrasp.facing, keep_off=self.target.shape, centre=self.estimate, duration=duration
+        )
+        commanded = begin
+        while True:
+            elapsed = self.body.time - start
+            yield self._reach_cycle(path, elapsed)
+            path = replace(path, goal=pregrasp.point(self.estimate))
+            distance = float(np.linalg.norm(self._palm() - path.goal))
+            if elapsed >= duration and (distance < ARRIVED or elapsed > duration + 2.0):
+                break
+            share = float(minimum_jerk((elapsed + PERIOD) / duration))
+            commanded = solver.solve(
+                path.at(elapsed + PERIOD),
+                _between(facing, pregrasp.facing, share),
+                commanded,
+                hold=begin + share * (pregrasp.angles - begin),
+                facing_weight=0.25 + 0.75 * share,
+            )
+            self.body.move(self._with_gaze(commanded), PERIOD)
+        if distance < ARRIVED:
+            self._end("reached")
+        else:
+            self._end("missed", f"the palm stopped {distance * 1e3:.0f} mm from its goal")
+
+    def _with_gaze(self, commanded: Floats) -> dict[str, float]:
+        """Targets of arm and torso, and of neck and eyes such that they stay on the glass."""
+        assert self.estimate is not None
+        robot = self.body.robot
+        targets = {name: float(value) for name, value in zip(self.solver.names, commanded, strict=True)}
+        joints = self.body.read(robot.gaze)
+        for k, name in enumerate(robot.gaze):
+            joints[k] = targets.get(name, joints[k])
+        try:
+            posture = fixate(robot, joints, self.estimate)
+        except UnreachableError:
+            return targets
+        return targets | {name: float(posture[k]) for k, name in enumerate(robot.gaze) if name not in robot.torso}
+
+    def _reach_cycle(self, path: PalmPath, elapsed: float) -> Cycle:
+        assert self.estimate is not None
+        joints, images = self.body.read(self.body.robot.gaze), self.body.see()
+        self.finder.forget()
+        # The plan ends at the pre-grasp; the intended grasp behind it matters as much.
+        ahead = path.ahead(elapsed, PLAN_POINTS - 10)
+        grasp = np.linspace(ahead[-1], self.estimate, 11)[1:]
+        plan = np.vstack([ahead, grasp])
+        before = self._mark()
+        with self.stages.time("projection"):
+            pixels = self.attention.projection.project(plan, joints)
+        try:
+            with self.stages.time("landscape"):
+                looks = self.attention.motor_plan_from(pixels, width=self.settings.width)
+        except NotInViewError:
+            looks = {}
+        return self._look("reach", joints, images, looks, before, plan)
+
+    def _mark(self) -> dict[str, int]:
+        return {stage: len(values) for stage, values in self.stages.seconds.items()}
+
+    def _since(self, before: Mapping[str, int]) -> dict[str, float]:
+        return {
+            stage: float(sum(values[before.get(stage, 0) :])) for stage, values in self.stages.seconds.items()
+        }
+
+
+def _between(first: Floats, second: Floats, share: float) -> Floats:
+    """Unit vector between two unit vectors (3,)."""
+    mixed = (1.0 - share) * first + share * second
+    length = float(np.linalg.norm(mixed))
+    return second if length < 1e-6 else mixed / length
