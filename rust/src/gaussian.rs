@@ -40,12 +40,15 @@ impl Gaussian {
         let visible = square.min(-2.0 * f64::from(EXP_FLOOR));
         let pi = self.mixing as f32;
 
-        let (first, end) = self.rows(square, shape.height());
+        let ellipse = Ellipse::new(self);
+        let (first, end) = ellipse.rows(square, shape.height());
         for v in first..end {
             let row = &mut out[v * shape.width()..(v + 1) * shape.width()];
-            let (u0, u1) = self.columns(v, square, shape.width());
-            row[u0..u1].fill(uniform);
-            let (u0, u1) = self.columns(v, visible, shape.width());
+            let (mut u0, mut u1) = ellipse.columns(v, square, shape.width());
+            if visible < square {
+                row[u0..u1].fill(uniform);
+                (u0, u1) = ellipse.columns(v, visible, shape.width());
+            }
             self.fill_row(v, u0, &mut row[u0..u1], pi, uniform);
         }
         Ok(())
@@ -57,51 +60,21 @@ impl Gaussian {
         -(-half).exp_m1() / half
     }
 
-    /// Rows that the ellipse of the squared radius can touch.
-    fn rows(&self, square: f64, height: usize) -> (usize, usize) {
-        let [_, l2, l3] = self.chol;
-        let reach = square.sqrt() * l2.hypot(l3) * BORDER;
-        pixels_between(self.mean[1] - reach, self.mean[1] + reach, height)
-    }
-
-    /// Columns of row `v` inside the ellipse of the squared radius.
-    fn columns(&self, v: usize, square: f64, width: usize) -> (usize, usize) {
-        // On the row, |z|^2 is a parabola in z1: its minimum is at z1 = dv l2 / s^2, s^2 = l2^2 + l3^2.
-        let [l1, l2, l3] = self.chol;
-        let s = l2.hypot(l3);
-        let dv = (v as f64 - self.mean[1]) / s;
-        let middle = self.mean[0] + l1 * (dv * (l2 / s));
-        let half = l1 * (l3 / s) * (square - dv * dv).max(0.0).sqrt();
-        // The roots are rounded; take a pixel too much on either side and let the definition decide.
-        let (mut first, mut end) = pixels_between(middle - half - 1.0, middle + half + 1.0, width);
-        while first < end && !self.inside(first, v, square) {
-            first += 1;
-        }
-        while first < end && !self.inside(end - 1, v, square) {
-            end -= 1;
-        }
-        (first, end)
-    }
-
-    fn inside(&self, u: usize, v: usize, square: f64) -> bool {
-        let [l1, l2, l3] = self.chol;
-        let z1 = (u as f64 - self.mean[0]) / l1;
-        let z2 = ((v as f64 - self.mean[1]) - l2 * z1) / l3;
-        z1 * z1 + z2 * z2 <= square * BORDER
-    }
-
-    /// Evaluates the mixture on consecutive pixels of row `v` from column `u0`.
+    /// Evaluates the mixture on consecutive pixels of row `v` from column `u0`, all inside the ellipse.
     fn fill_row(&self, v: usize, u0: usize, pixels: &mut [f32], pi: f32, uniform: f32) {
-        // The squared radius is formed in float64, where the mean may be far away and the factor badly
-        // conditioned; the exponential is float32.
+        // z is formed in float64 at the first pixel, where the mean may be far away and the factor badly
+        // conditioned. From there it takes equal steps; inside the ellipse it stays small, so they may be
+        // float32. The bound is for a lone pixel of a needle-thin ellipse, which takes no step at all.
         let [l1, l2, l3] = self.chol;
-        let (per_l1, per_l3) = (1.0 / l1, 1.0 / l3);
-        let dv = v as f64 - self.mean[1];
+        let first = (u0 as f64 - self.mean[0]) / l1;
+        let step = (1.0 / l1).min(1e30);
+        let shear = (-l2 / l3 * step).clamp(-1e30, 1e30);
+        let (z1, z2) = (first as f32, (((v as f64 - self.mean[1]) - l2 * first) / l3) as f32);
+        let (step, shear) = (step as f32, shear as f32);
         for (k, pixel) in pixels.iter_mut().enumerate() {
-            let z1 = (f64::from((u0 + k) as i32) - self.mean[0]) * per_l1;
-            let z2 = (dv - l2 * z1) * per_l3;
-            let half = -0.5 * (z1 * z1 + z2 * z2);
-            *pixel = pi * exp_nonpositive(half as f32) + uniform;
+            let k = k as i32 as f32;
+            let (z1, z2) = (z1 + k * step, z2 + k * shear);
+            *pixel = pi * exp_nonpositive(-0.5 * (z1 * z1 + z2 * z2)) + uniform;
         }
     }
 
@@ -131,6 +104,61 @@ impl Gaussian {
             return Err(Error::scalar("mixing", "in [0, 1]", self.mixing));
         }
         Ok(())
+    }
+}
+
+/// The rows and columns of the ellipses `|z|^2 = square`.
+struct Ellipse {
+    mean: [f64; 2],
+    chol: [f64; 3],
+    /// Standard deviation along v, of which `lean` and `rest` are the shares of `l2` and `l3`.
+    along_v: f64,
+    lean: f64,
+    rest: f64,
+    per_l1: f64,
+    per_l3: f64,
+}
+
+impl Ellipse {
+    fn new(gaussian: &Gaussian) -> Self {
+        let [l1, l2, l3] = gaussian.chol;
+        let along_v = l2.hypot(l3);
+        Self {
+            mean: gaussian.mean,
+            chol: gaussian.chol,
+            along_v,
+            lean: l2 / along_v,
+            rest: l3 / along_v,
+            per_l1: 1.0 / l1,
+            per_l3: 1.0 / l3,
+        }
+    }
+
+    fn rows(&self, square: f64, height: usize) -> (usize, usize) {
+        let reach = square.sqrt() * self.along_v * BORDER;
+        pixels_between(self.mean[1] - reach, self.mean[1] + reach, height)
+    }
+
+    fn columns(&self, v: usize, square: f64, width: usize) -> (usize, usize) {
+        // On a row |z|^2 is a parabola in z1 whose two roots are these.
+        let dv = (v as f64 - self.mean[1]) / self.along_v;
+        let middle = self.mean[0] + self.chol[0] * dv * self.lean;
+        let half = self.chol[0] * self.rest * (square - dv * dv).max(0.0).sqrt();
+        // The roots are rounded; take a pixel too much on either side and let the definition decide.
+        let (mut first, mut end) = pixels_between(middle - half - 1.0, middle + half + 1.0, width);
+        while first < end && !self.inside(first, v, square) {
+            first += 1;
+        }
+        while first < end && !self.inside(end - 1, v, square) {
+            end -= 1;
+        }
+        (first, end)
+    }
+
+    fn inside(&self, u: usize, v: usize, square: f64) -> bool {
+        let z1 = (u as f64 - self.mean[0]) * self.per_l1;
+        let z2 = ((v as f64 - self.mean[1]) - self.chol[1] * z1) * self.per_l3;
+        z1 * z1 + z2 * z2 <= square * BORDER
     }
 }
 

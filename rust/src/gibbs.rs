@@ -93,50 +93,54 @@ impl<'a> Gibbs<'a> {
 
 /// Sum of a row, or the index of its first pixel that is negative or not finite.
 fn checked_sum(row: &[f32]) -> std::result::Result<f64, usize> {
-    const LANES: usize = 8;
-    let valid = |p: f32| (0.0..f32::INFINITY).contains(&p);
-    let (mut sums, mut fine) = ([0.0_f64; LANES], true);
-    let mut chunks = row.chunks_exact(LANES);
-    for chunk in &mut chunks {
-        for (sum, &p) in sums.iter_mut().zip(chunk) {
+    // Sixteen partial sums, so that they can stand side by side in vector registers.
+    const LANES: usize = 16;
+    let (mut sums, mut least) = ([0.0_f64; LANES], [0.0_f32; LANES]);
+    let (chunks, rest) = row.as_chunks::<LANES>();
+    for chunk in chunks {
+        for ((sum, least), &p) in sums.iter_mut().zip(&mut least).zip(chunk) {
             *sum += f64::from(p);
-            fine &= valid(p);
+            *least = if p < *least { p } else { *least };
         }
     }
-    for (sum, &p) in sums.iter_mut().zip(chunks.remainder()) {
+    for ((sum, least), &p) in sums.iter_mut().zip(&mut least).zip(rest) {
         *sum += f64::from(p);
-        fine &= valid(p);
+        *least = if p < *least { p } else { *least };
     }
-    if fine {
-        return Ok(sums.iter().sum());
+    // Finite float32 cannot overflow a float64 sum: it is finite if and only if every pixel is.
+    let sum: f64 = sums.iter().sum();
+    if sum.is_finite() && least.iter().all(|&p| p >= 0.0) {
+        return Ok(sum);
     }
-    Err(row.iter().position(|&p| !valid(p)).unwrap_or(0))
+    Err(row.iter().position(|p| !(0.0..f32::INFINITY).contains(p)).unwrap_or(0))
 }
 
-/// Cumulative sums of the lines (rows or columns) that have been visited.
+/// Cumulative sums of the lines (rows or columns) that have been visited, one after the other.
 #[derive(Clone, Debug)]
 struct Tables {
     sums: Vec<f64>,
-    made: Vec<bool>,
+    start: Vec<usize>,
     length: usize,
 }
 
+/// The start of a table that has not been made.
+const NOT_MADE: usize = usize::MAX;
+
 impl Tables {
     fn new(lines: usize, length: usize) -> Self {
-        Self { sums: vec![0.0; lines * length], made: vec![false; lines], length }
+        Self { sums: Vec::new(), start: vec![NOT_MADE; lines], length }
     }
 
     fn get<'p, I: Iterator<Item = &'p f32>>(&mut self, line: usize, pixels: impl FnOnce() -> I) -> &[f64] {
-        let sums = &mut self.sums[line * self.length..(line + 1) * self.length];
-        if !self.made[line] {
-            self.made[line] = true;
+        if self.start[line] == NOT_MADE {
+            self.start[line] = self.sums.len();
             let mut total = 0.0;
-            for (sum, &p) in sums.iter_mut().zip(pixels()) {
+            self.sums.extend(pixels().take(self.length).map(|&p| {
                 total += f64::from(p);
-                *sum = total;
-            }
+                total
+            }));
         }
-        sums
+        &self.sums[self.start[line]..][..self.length]
     }
 }
 

@@ -41,13 +41,15 @@ pub enum Wanted {
 /// A pixel of a landscape: float32, or float64 so that a caller's own comparison `landscape >= d` holds.
 pub trait Pixel: Copy + PartialOrd {
     /// Unsigned integer of the same size.
-    type Bits: Copy + Ord;
+    type Bits: Copy + Ord + Default;
     /// The bits of a non-negative number, which order like the numbers themselves.
     fn bits(self) -> Self::Bits;
     /// The number of such bits.
     fn from_bits(bits: Self::Bits) -> f64;
     /// Whether the pixel is finite and not negative.
     fn valid(self) -> bool;
+    /// Whether all pixels are, as fast as memory delivers them.
+    fn all_valid(pixels: &[Self]) -> bool;
     /// Whether the pixel is above zero.
     fn positive(self) -> bool;
     /// The number in float64.
@@ -66,6 +68,20 @@ macro_rules! pixel {
             }
             fn valid(self) -> bool {
                 (0.0..<$float>::INFINITY).contains(&self)
+            }
+            fn all_valid(pixels: &[Self]) -> bool {
+                // Zero times a pixel is zero unless the pixel is infinite or NaN. Sixteen lanes vectorise.
+                const LANES: usize = 16;
+                let (mut zero, mut least) = ([0.0; LANES], [0.0; LANES]);
+                let (chunks, rest) = pixels.as_chunks::<LANES>();
+                for chunk in chunks {
+                    for ((zero, least), &p) in zero.iter_mut().zip(&mut least).zip(chunk) {
+                        *zero += p * 0.0;
+                        *least = if p < *least { p } else { *least };
+                    }
+                }
+                let fine = |(&zero, &least): (&$float, &$float)| zero == 0.0 && least >= 0.0;
+                zero.iter().zip(&least).all(fine) && rest.iter().all(|p| p.valid())
             }
             fn positive(self) -> bool {
                 self > 0.0
@@ -99,18 +115,15 @@ pub fn threshold<T: Pixel>(
         return Err(Error::scalar("stride", "at least 1", stride));
     }
     check_pixels(landscape, shape)?;
-    let rows = shape.height().div_ceil(stride);
-    let columns = shape.width().div_ceil(stride);
-    let wanted = wanted.of(rows * columns, stride)?;
+    let pixels = shape.height().div_ceil(stride) * shape.width().div_ceil(stride);
+    let wanted = wanted.of(pixels, stride)?;
 
-    let mut values = Vec::with_capacity(rows * columns);
-    if stride == 1 {
-        collect_positive(landscape.iter(), &mut values);
+    let mut values = if stride == 1 {
+        positive_bits(landscape.iter(), landscape.len())
     } else {
-        for row in landscape.chunks_exact(shape.width()).step_by(stride) {
-            collect_positive(row.iter().step_by(stride), &mut values);
-        }
-    }
+        let rows = landscape.chunks_exact(shape.width()).step_by(stride);
+        positive_bits(rows.flat_map(|row| row.iter().step_by(stride)), pixels)
+    };
     if values.is_empty() {
         let reason = if stride == 1 {
             "is zero everywhere: there is nothing to look at".to_owned()
@@ -152,8 +165,7 @@ impl Wanted {
 
 /// Checks in one pass that every pixel is finite and not negative.
 pub fn check_pixels<T: Pixel>(landscape: &[T], shape: Shape) -> Result<()> {
-    let fine = |pixels: &[T]| pixels.iter().fold(true, |fine, p| fine & p.valid());
-    if landscape.chunks(1024).all(fine) {
+    if T::all_valid(landscape) {
         return Ok(());
     }
     let at = landscape.iter().position(|p| !p.valid()).unwrap_or(0);
@@ -161,8 +173,16 @@ pub fn check_pixels<T: Pixel>(landscape: &[T], shape: Shape) -> Result<()> {
     Err(Error::element("landscape", &index, "finite and >= 0", landscape[at].value()))
 }
 
-fn collect_positive<'a, T: Pixel + 'a>(pixels: impl Iterator<Item = &'a T>, values: &mut Vec<T::Bits>) {
-    values.extend(pixels.filter(|p| p.positive()).map(|p| p.bits()));
+/// The bits of the positive pixels. Every pixel is written and only positive ones are kept: no branch to miss.
+fn positive_bits<'a, T: Pixel + 'a>(pixels: impl Iterator<Item = &'a T>, count: usize) -> Vec<T::Bits> {
+    let mut values = vec![T::Bits::default(); count];
+    let mut kept = 0;
+    for &pixel in pixels {
+        values[kept] = pixel.bits();
+        kept += usize::from(pixel.positive());
+    }
+    values.truncate(kept);
+    values
 }
 
 /// Slices up to this length are sorted by insertion.

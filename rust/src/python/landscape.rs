@@ -4,7 +4,7 @@ use numpy::{PyArray2, PyReadwriteArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
-use super::arrays::{Numbers, list, numbers, output, release, rows, vector};
+use super::arrays::{Numbers, empty_images, list, numbers, output, release, rows, vector};
 use super::errors::{format_shape, wrong_type};
 use super::scalars::{name, real, shape as image_shape};
 use crate::error::{Error, Result};
@@ -237,7 +237,7 @@ fn outputs<'py>(
     py: Python<'py>,
 ) -> PyResult<Vec<PyReadwriteArray2<'py, f32>>> {
     let Some(out) = out else {
-        return (0..count).map(|_| output("out", None, shape, inputs, py)).collect();
+        return empty_images(py, count, shape);
     };
     items("out", out, Some(count))?
         .iter()
