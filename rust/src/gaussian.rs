@@ -8,6 +8,10 @@ use crate::shape::{Shape, pixels_between};
 /// and a border that falls on a pixel must not be lost to rounding.
 const BORDER: f64 = 1.0 + 1e-12;
 
+/// Bounds that keep every intermediate product finite.
+const SMALLEST: f64 = 1e-100;
+const LARGEST: f64 = 1e100;
+
 /// A bivariate Gaussian with covariance `L L^T`, `L = [[l1, 0], [l2, l3]]` (Eq. 3), cut at an ellipse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian {
@@ -122,7 +126,8 @@ struct Ellipse {
 impl Ellipse {
     fn new(gaussian: &Gaussian) -> Self {
         let [l1, l2, l3] = gaussian.chol;
-        let along_v = l2.hypot(l3);
+        // Not `hypot`, whose last bit depends on the C library; the bounds above keep the squares in range.
+        let along_v = (l2 * l2 + l3 * l3).sqrt();
         Self {
             mean: gaussian.mean,
             chol: gaussian.chol,
@@ -162,6 +167,47 @@ impl Ellipse {
     }
 }
 
-/// Bounds that keep every intermediate product finite.
-const SMALLEST: f64 = 1e-100;
-const LARGEST: f64 = 1e100;
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn landscape(gaussian: &Gaussian, shape: Shape) -> Vec<f32> {
+        let mut out = vec![f32::NAN; shape.pixels()];
+        gaussian.landscape(shape, &mut out).unwrap();
+        out
+    }
+
+    proptest! {
+        #[test]
+        fn every_pixel_follows_the_definition(
+            (height, width) in (1_usize..30, 1_usize..30),
+            mean in [-20.0..50.0, -20.0..50.0],
+            (l1, l2, l3) in (0.05..60.0, -40.0..40.0, 0.05..60.0),
+            (cutoff, mixing) in (0.3..6.0, 0.0..=1.0),
+        ) {
+            let gaussian = Gaussian { mean, chol: [l1, l2, l3], cutoff, mixing };
+            let shape = Shape::new(height, width).unwrap();
+            let uniform = 2.0 * (1.0 - (-cutoff * cutoff / 2.0).exp()) / (cutoff * cutoff);
+            for (i, &value) in landscape(&gaussian, shape).iter().enumerate() {
+                let z1 = ((i % width) as f64 - mean[0]) / l1;
+                let z2 = ((i / width) as f64 - mean[1] - l2 * z1) / l3;
+                let square: f64 = z1 * z1 + z2 * z2;
+                let inside = square <= cutoff * cutoff * (1.0 + 1e-12);
+                let expected = mixing * (-square / 2.0).exp() + (1.0 - mixing) * uniform;
+                let expected = if inside { expected } else { 0.0 };
+                prop_assert!((f64::from(value) - expected).abs() < 1e-6);
+                prop_assert!(value == 0.0 || inside);
+            }
+        }
+    }
+
+    #[test]
+    fn a_needle_thinner_than_a_pixel_is_one_pixel() {
+        let gaussian = Gaussian { mean: [2.0, 1.0], chol: [1e-100, 0.0, 1e-100], cutoff: 3.0, mixing: 1.0 };
+        let out = landscape(&gaussian, Shape::new(3, 5).unwrap());
+        assert_eq!(out[5 + 2], 1.0);
+        assert_eq!(out.iter().sum::<f32>(), 1.0);
+    }
+}

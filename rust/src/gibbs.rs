@@ -157,3 +157,62 @@ fn invert(cumulative: &[f64], x: f64) -> usize {
     // Rounding took the target up to the total: the last index that has mass.
     cumulative.partition_point(|&sum| sum < total)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Xoshiro256PlusPlus;
+
+    #[test]
+    fn inversion_never_picks_an_index_without_mass() {
+        let cumulative = [0.0, 0.0, 0.25, 0.25, 1.0, 1.0];
+        assert_eq!(invert(&cumulative, 0.0), 2);
+        assert_eq!(invert(&cumulative, 0.2499), 2);
+        assert_eq!(invert(&cumulative, 0.25), 4);
+        assert_eq!(invert(&cumulative, 1.0 - f64::EPSILON / 2.0), 4);
+        // Even where rounding reaches the total.
+        assert_eq!(invert(&cumulative, 1.0), 4);
+    }
+
+    #[test]
+    fn a_chain_visits_pixels_by_their_mass_and_no_other() {
+        let pixels = [1.0, 0.0, 3.0, 2.0, 4.0, 0.0];
+        let shape = Shape::new(2, 3).unwrap();
+        let mut rng = Xoshiro256PlusPlus::new(3);
+        let mut chain = Gibbs::new(&pixels, shape).unwrap();
+        chain.start_drawn(&mut rng);
+        let mut counts = [0_u32; 6];
+        let sweeps = 200_000;
+        for _ in 0..sweeps {
+            let [u, v] = chain.sweep(&mut rng);
+            counts[v * 3 + u] += 1;
+        }
+        for (&count, &pixel) in counts.iter().zip(&pixels) {
+            let share = f64::from(count) / f64::from(sweeps);
+            assert!((share - f64::from(pixel) / 10.0).abs() < 0.01, "{counts:?}");
+            assert_eq!(count == 0, pixel == 0.0);
+        }
+    }
+
+    #[test]
+    fn a_bad_pixel_is_named_wherever_it_stands() {
+        let shape = Shape::new(3, 37).unwrap();
+        for bad in [f32::NAN, f32::INFINITY, -1.0] {
+            for u in 0..37 {
+                let mut pixels = vec![1.0; shape.pixels()];
+                pixels[37 + u] = bad;
+                let error = Gibbs::new(&pixels, shape).unwrap_err().to_string();
+                assert!(error.ends_with(&format!("at landscape[1, {u}]")), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_start_must_have_mass_in_its_row() {
+        let pixels = [0.0, 0.0, 1.0, 0.0];
+        let mut chain = Gibbs::new(&pixels, Shape::new(2, 2).unwrap()).unwrap();
+        assert!(chain.start_at([0, 0]).is_err());
+        assert!(chain.start_at([1, 1]).is_ok());
+        assert!(chain.start_at([2, 1]).is_err());
+    }
+}

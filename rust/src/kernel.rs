@@ -319,3 +319,55 @@ impl Rows {
         (self.first..self.end).zip(image[self.first * width..].chunks_exact_mut(width))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn profile(kernel: Kernel, z: f64) -> f64 {
+        match kernel {
+            Kernel::Triangular => (1.0 - z.abs()).max(0.0),
+            Kernel::Gaussian if z.abs() > 5.0 => 0.0,
+            Kernel::Gaussian => (-z * z / 2.0).exp() / (2.0 * std::f64::consts::PI).sqrt(),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_pixel_is_the_weighted_mean_of_the_kernels(
+            (height, width) in (1_usize..20, 1_usize..20),
+            points in prop::collection::vec([-30.0..50.0, -30.0..50.0], 1..80),
+            wide in 0.3..60.0, high in 0.3..60.0,
+            kernel in prop::sample::select(vec![Kernel::Triangular, Kernel::Gaussian]),
+        ) {
+            let weights: Vec<f64> = (0..points.len()).map(|n| 0.5 + (n % 3) as f64).collect();
+            let shape = Shape::new(height, width).unwrap();
+            let mut out = vec![f32::NAN; shape.pixels()];
+            let widths = Widths::Common([wide, high]);
+            let trajectory = Trajectory { points: &points, widths, kernel, weights: Some(&weights) };
+            trajectory.landscape(shape, &mut out).unwrap();
+            let total: f64 = weights.iter().sum();
+            for (i, &value) in out.iter().enumerate() {
+                let at = [(i % width) as f64, (i / width) as f64];
+                let sum: f64 = points.iter().zip(&weights).map(|(p, w)| {
+                    w * profile(kernel, (at[0] - p[0]) / wide) * profile(kernel, (at[1] - p[1]) / high)
+                }).sum();
+                let error = (f64::from(value) * wide * high - sum / total).abs();
+                prop_assert!(error < 1e-5, "{error}");
+                prop_assert!(value >= 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn a_kernel_ends_exactly_where_it_should() {
+        for width in 1..100 {
+            let mut out = [f32::NAN; 201];
+            Kernel::Triangular.profile(0, 100.0, f64::from(width), 1.0, &mut out);
+            let support = out.iter().filter(|&&k| k > 0.0).count();
+            assert_eq!(support, 2 * width as usize - 1, "width {width}");
+        }
+    }
+}

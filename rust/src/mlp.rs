@@ -291,3 +291,65 @@ impl Scale {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 2-3-2 with scales, and its outputs at `x` in float64.
+    fn network() -> (Mlp, impl Fn([f64; 2]) -> [f64; 2]) {
+        let (w0, b0) = ([[0.5, -1.0], [2.0, 0.3], [-0.7, 0.9]], [0.1, -0.2, 0.3]);
+        let (w1, b1) = ([[1.0, -2.0, 0.5], [0.4, 0.8, -1.5]], [0.05, -0.6]);
+        let weights = vec![
+            Weights { outputs: 3, inputs: 2, values: w0.concat() },
+            Weights { outputs: 2, inputs: 3, values: w1.concat() },
+        ];
+        let input = Scale { mean: vec![1.0, -2.0], std: vec![2.0, 0.5] };
+        let output = Scale { mean: vec![160.0, 120.0], std: vec![80.0, 60.0] };
+        let mlp = Mlp::new(weights, vec![b0.to_vec(), b1.to_vec()], input, output).unwrap();
+        let twin = move |x: [f64; 2]| {
+            let z = [(x[0] - 1.0) / 2.0, (x[1] + 2.0) / 0.5];
+            let hidden = [0, 1, 2].map(|k| (w0[k][0] * z[0] + w0[k][1] * z[1] + b0[k]).tanh());
+            let raw = [0, 1].map(|o| (0..3).map(|k| w1[o][k] * hidden[k]).sum::<f64>() + b1[o]);
+            [raw[0] * 80.0 + 160.0, raw[1] * 60.0 + 120.0]
+        };
+        (mlp, twin)
+    }
+
+    #[test]
+    fn forward_and_jacobian_follow_the_formula_for_any_number_of_rows() {
+        let (mlp, twin) = network();
+        for rows in [0_usize, 1, 15, 16, 17, 40] {
+            let x: Vec<f64> = (0..2 * rows).map(|i| (i as f64 * 0.77).sin() * 3.0).collect();
+            let (mut y, mut jacobian) = (vec![0.0; 2 * rows], vec![0.0; 4 * rows]);
+            mlp.forward(&x, &mut y).unwrap();
+            mlp.jacobian(&x, &mut jacobian).unwrap();
+            for (n, x) in x.chunks_exact(2).enumerate() {
+                let expected = twin([x[0], x[1]]);
+                for o in 0..2 {
+                    assert!((f64::from(y[2 * n + o]) - expected[o]).abs() < 2e-4);
+                    for i in 0..2 {
+                        let mut step = [0.0; 2];
+                        step[i] = 1e-6;
+                        let rise = twin([x[0] + step[0], x[1] + step[1]])[o]
+                            - twin([x[0] - step[0], x[1] - step[1]])[o];
+                        let slope = f64::from(jacobian[4 * n + 2 * o + i]);
+                        assert!((slope - rise / 2e-6).abs() < 1e-3, "{slope} {rise}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn layers_that_do_not_fit_are_named() {
+        let matrix = |outputs, inputs| Weights { outputs, inputs, values: vec![0.0; outputs * inputs] };
+        let scale = |n: usize| Scale { mean: vec![0.0; n], std: vec![1.0; n] };
+        let biases = vec![vec![0.0; 3], vec![0.0; 2]];
+        let error = Mlp::new(vec![matrix(3, 2), matrix(2, 4)], biases, scale(2), scale(2)).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "weights[1] must be (out, 3) to follow the layer before it, got (2, 4)"
+        );
+    }
+}

@@ -255,3 +255,61 @@ fn insertion_sort<T: Copy + Ord>(values: &mut [T]) {
         values[at] = value;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn quicksort_sorts(mut values in prop::collection::vec(0_u32..50, 0..400)) {
+            let mut sorted = values.clone();
+            sorted.sort_unstable();
+            quicksort(&mut values);
+            prop_assert_eq!(values, sorted);
+        }
+
+        #[test]
+        fn both_methods_find_the_largest_value_that_leaves_enough(
+            pixels in prop::collection::vec(prop::sample::select(vec![0.0_f32, 0.5, 1.0, 2.0, 3.0]), 1..300),
+            wanted in 1_u64..320,
+        ) {
+            prop_assume!(pixels.iter().any(|&p| p > 0.0));
+            let shape = Shape::new(1, pixels.len()).unwrap();
+            let find = |method| threshold(&pixels, shape, Wanted::Count(wanted), 1, method).unwrap();
+            let d = find(Method::Select);
+            prop_assert_eq!(d, find(Method::Quicksort));
+            let at_least = |d: f64| pixels.iter().filter(|&&p| p > 0.0 && f64::from(p) >= d).count() as u64;
+            let positive = at_least(0.0);
+            prop_assert!(at_least(d) >= wanted.min(positive));
+            let above = pixels.iter().filter(|&&p| f64::from(p) > d).count() as u64;
+            prop_assert!(above < wanted);
+        }
+    }
+
+    #[test]
+    fn quicksort_survives_orders_made_to_defeat_it() {
+        let n = 200_000_u32;
+        let mut cases = [(0..n).collect::<Vec<_>>(), (0..n).rev().collect(), vec![7; n as usize]];
+        for values in &mut cases {
+            quicksort(values);
+            assert!(values.is_sorted());
+        }
+    }
+
+    #[test]
+    fn a_bad_pixel_is_found_wherever_it_stands() {
+        let shape = Shape::new(5, 9).unwrap();
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, -1e-45] {
+            for at in 0..shape.pixels() {
+                let mut pixels = vec![1.0_f32; shape.pixels()];
+                pixels[at] = bad;
+                let error = check_pixels(&pixels, shape).unwrap_err().to_string();
+                assert!(error.ends_with(&format!("at landscape[{}, {}]", at / 9, at % 9)), "{error}");
+            }
+        }
+        assert_eq!(check_pixels(&vec![-0.0_f32; shape.pixels()], shape), Ok(()));
+    }
+}
