@@ -55,6 +55,7 @@ class Robot:
         around_eyes: links that enclose the cameras and that no camera is to see.
         guarded: links of the arm -> height [m] that they keep over a work surface.
         aside: place [m] of the palm in the root frame where the hand is out of the eyes' way.
+        parked: angles [rad] of joints that no task moves; others of them park at zero or their nearest limit.
         urdf: the kinematics; a robot without it serves as a template, see :meth:`with_urdf`.
     """
 
@@ -72,6 +73,7 @@ class Robot:
     around_eyes: tuple[str, ...] = ()
     guarded: Mapping[str, float] = field(default_factory=dict)
     aside: tuple[float, float, float] | None = None
+    parked: Mapping[str, float] = field(default_factory=dict)
     urdf: Path | None = None
 
     def with_urdf(self, path: str | Path) -> Robot:
@@ -179,6 +181,10 @@ ICUB = Robot(
     ranges=_degrees(eyes_tilt=(-30, 30), eyes_version=(-30, 30), eyes_vergence=(0, 50)),
     around_eyes=("head",),
     guarded={"r_elbow_1": 0.045, "r_wrist_1": 0.04},
+    parked={
+        "l_shoulder_pitch": 0.15, "l_shoulder_roll": 0.35, "l_thumb_opposition_joint": 1.2,
+        "r_thumb_opposition_joint": 0.8,
+    },
     aside=(-0.10, 0.34, 0.06),
     rest={name: 0.0 for name in ("torso_pitch", "torso_roll", "torso_yaw", "neck_roll", "neck_yaw")},
 )

@@ -22,7 +22,7 @@ POSITION, FACING, LEVEL, COMFORT = 200.0, 4.0, 1.5, 0.12  # weights: per m, per 
 HAND = np.array([[0.105, -0.03, -0.01], [0.105, 0.035, -0.01], [-0.01, 0.04, -0.01], [-0.01, -0.11, -0.01]])
 """Fingertips, the hand's lower edge and the thumb's tip in the palm's frame [m]; HAND_CLEARANCE above the bench."""
 HAND_CLEARANCE = 0.01
-ABOVE = 60.0  # per metre that a point of the arm dips below its clearance over the table
+ABOVE = 400.0  # per metre that a point of the arm dips below its clearance over the table
 AZIMUTHS = np.deg2rad(np.arange(-20.0, 101.0, 15.0))  # of the palm's facing: 0 to the left, 90 straight ahead
 
 

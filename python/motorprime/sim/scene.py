@@ -157,6 +157,16 @@ class Scene:
         axis = np.reshape(self.world.bullet.getMatrixFromQuaternion(turn), (3, 3))[:, 2]
         return np.array(place), axis
 
+    def name_of(self, body: int) -> str:
+        """What a body is: 'glass', 'table', the name of a piece of kitchenware, or 'room'."""
+        if body == self.glass:
+            return "glass"
+        if body == self.table:
+            return "table"
+        if body in self.clutter:
+            return self.layout.clutter[self.clutter.index(body)][0].name
+        return "room"
+
     def remove_glass(self) -> None:
         """Take the glass away."""
         if self.glass is not None:

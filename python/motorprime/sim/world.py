@@ -57,7 +57,7 @@ class World:
         # URDF poses are of link frames, pybullet's base pose is of the centre of mass.
         place, turn = self.bullet.getDynamicsInfo(self.body, -1)[3:5]
         self.bullet.resetBasePositionAndOrientation(self.body, place, turn)
-        self.hold()
+        self._park()
 
     def __enter__(self) -> World:
         return self
@@ -94,6 +94,13 @@ class World:
         """Put joints at angles [rad] at once, at rest: for the start of a run, never during a motion."""
         for name, angle in self.variables_to_joints(variables).items():
             self.bullet.resetJointState(self.body, self.joint_index[name], angle, 0.0)
+        self.hold()
+
+    def _park(self) -> None:
+        for name, k in self.joint_index.items():
+            low, high = self.bullet.getJointInfo(self.body, k)[8:10]
+            angle = float(np.clip(self.robot.parked.get(name, 0.0), low, high))
+            self.bullet.resetJointState(self.body, k, angle, 0.0)
         self.hold()
 
     def hold(self) -> None:

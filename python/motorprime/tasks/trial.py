@@ -1,0 +1,116 @@
+"""One seeded trial of the reach, staged and judged: what the demo shows once and the evaluation counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+
+from ..attention import Attention
+from ..control.reaching import Bench
+from ..peripersonal import ReachCloud
+from ..robot import Robot
+from ..sim.scene import TABLE_HEIGHT, TABLE_X, Glass, draw_layout
+from .body import SimulatedBody
+from .explore import Target
+from .reach import Reach, Settings
+from .staging import Stage, strike_start, target_of
+
+BENCH = Bench(height=TABLE_HEIGHT, edge=TABLE_X[1])
+TOLERANCE = 0.01
+"""A reach succeeds when the palm ends within this of the true pre-grasp point [m]."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A trial judged by the simulator's truth.
+
+    Attributes:
+        outcome: what the task said of itself: 'reached', 'not found', 'refused' or 'missed'.
+        reached: it said 'reached', and the palm is within 1 cm of the true pre-grasp point: 8 cm from the
+            true axis of the glass at half its height, on the side that the palm came from.
+        palm_error_m: distance from that point; None when there was no plan.
+        glass_error_m: error of the last estimate of the glass's centre; None when it was never found.
+        touched: names of what the robot touched.
+    """
+
+    outcome: str
+    reason: str
+    reached: bool
+    palm_error_m: float | None
+    glass_error_m: float | None
+    touched: tuple[str, ...]
+
+
+class Trial:
+    """A robot in a random start before a random scene, with its task; a context manager.
+
+    Args:
+        robot: with its URDF.
+        seed: of everything: scene, start, noise, windows. A sequence of integers names a trial of a series.
+        settings: of the task.
+        cloud: the reachable space; drawn when not given.
+        target: what the robot is told of the glass; shown to it when not given.
+        glass: whether a glass stands there at all.
+        clutter: pieces of other kitchenware.
+        noise: of the eyes' sensors [grey levels].
+        gui: open pybullet's window.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        seed: int | list[int],
+        *,
+        settings: Settings | None = None,
+        cloud: ReachCloud | None = None,
+        target: Target | None = None,
+        glass: bool = True,
+        clutter: int = 4,
+        noise: float = 2.0,
+        gui: bool = False,
+    ) -> None:
+        generator = np.random.default_rng(seed)
+        self.stage = Stage(
+            robot, draw_layout(generator, clutter=clutter), noise=noise, seed=int(generator.integers(2**31)), gui=gui
+        )
+        if not glass:
+            self.stage.scene.remove_glass()
+        strike_start(self.stage, generator)
+        self.body = SimulatedBody(self.stage.world, self.stage.eyes)
+        self.task = Reach(
+            self.body,
+            target or target_of(Glass()),
+            Attention(self.stage.projection, cloud=cloud or ReachCloud(robot)),
+            BENCH,
+            settings=settings,
+            seed=generator,
+        )
+
+    def __enter__(self) -> Trial:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stage.__exit__(kind, error, trace)
+
+    def judge(self) -> Verdict:
+        """Hold what the task achieved against the truth."""
+        task, scene = self.task, self.stage.scene
+        palm_error = glass_error = None
+        if scene.glass is not None and task.estimate is not None:
+            centre = scene.glass_pose()[0]
+            glass_error = float(np.linalg.norm(task.estimate - centre))
+            if task.pregrasp is not None:
+                palm = self.stage.world.palm_pose()[:3, 3]
+                palm_error = float(np.linalg.norm(palm - task.pregrasp.point(centre)))
+        return Verdict(
+            outcome=task.outcome,
+            reason=task.reason,
+            reached=task.outcome == "reached" and palm_error is not None and palm_error < TOLERANCE,
+            palm_error_m=palm_error,
+            glass_error_m=glass_error,
+            touched=tuple(sorted(scene.name_of(body) for body in self.body.touched)),
+        )
