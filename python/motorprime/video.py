@@ -13,7 +13,19 @@ from typing import TYPE_CHECKING
 import cv2
 
 from .errors import ArgumentError, StateError
-from .viz import BLUE, INK, PAPER, PHASES, Colour, Picture, blank, legend_strip, side_by_side, stereo_panel, write
+from .viz import (
+    BLUE,
+    INK,
+    PAPER,
+    PHASES,
+    Colour,
+    Picture,
+    blank,
+    legend_strip,
+    side_by_side,
+    stereo_panel,
+    write,
+)
 
 if TYPE_CHECKING:
     from .tasks.reach import Cycle
@@ -29,11 +41,13 @@ class NoVideo:
     """Takes frames and does nothing with them."""
 
     def __enter__(self) -> NoVideo:
+        """Itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Finish the file."""
         self.close()
 
     def add(self, frame: Picture) -> None:
@@ -58,6 +72,7 @@ class VideoWriter(NoVideo):
     """
 
     def __init__(self, path: Path, *, rate: int = RATE, hold: float = HOLD) -> None:
+        """See the class."""
         if path.suffix != ".webm":
             raise ArgumentError(f"path: a name ending in .webm expected, got {path.name}")
         self.path, self.rate, self.hold = path, rate, hold
@@ -76,7 +91,9 @@ class VideoWriter(NoVideo):
         if self._writer is None:
             self._writer, self._size = self._open(size), size
         if size != self._size:
-            raise ArgumentError(f"frame: {self._size[0]} x {self._size[1]} expected, got {size[0]} x {size[1]}")
+            raise ArgumentError(
+                f"frame: {self._size[0]} x {self._size[1]} expected, got {size[0]} x {size[1]}"
+            )
         self._last = cv2.cvtColor(frame, cv2.COLOR_RGB2BGR)  # type: ignore[assignment]
         self._writer.write(self._last)  # type: ignore[arg-type]
 
@@ -94,7 +111,9 @@ class VideoWriter(NoVideo):
             code = cv2.VideoWriter_fourcc(*"VP80")  # type: ignore[attr-defined]
             writer = cv2.VideoWriter(str(self.path), code, self.rate, size)
         if not writer.isOpened():
-            raise StateError(f"video: cannot write {self.path} as WebM (VP8) with this OpenCV; try without a video")
+            raise StateError(
+                f"video: cannot write {self.path} as WebM (VP8) with this OpenCV; try without a video"
+            )
         return writer
 
 
@@ -108,7 +127,7 @@ def _quiet() -> Iterator[None]:
         yield
         return
     try:
-        with open(os.devnull, "w") as nowhere:
+        with Path(os.devnull).open("w") as nowhere:
             os.dup2(nowhere.fileno(), 2)
         yield
     finally:
@@ -135,7 +154,7 @@ def video_frame(cycle: Cycle, bystander: Picture | None = None, *, panel: Pictur
         left = (width - 8) // 2
         height = round(bystander.shape[0] * left / bystander.shape[1])
         view: Picture = cv2.resize(bystander, (left, height), interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
-        low = side_by_side([view, figures(cycle, width - 8 - left, height)], background=INK)
+        low = side_by_side([view, figures(cycle, width - 8 - left, height)])
     frame = blank(eyes.shape[0] + 8 + low.shape[0], width, INK)
     frame[: eyes.shape[0]] = eyes
     frame[eyes.shape[0] + 8 :] = low
@@ -150,8 +169,8 @@ def figures(cycle: Cycle, width: int, height: int = 420) -> Picture:
     write(board, PHASES.get(cycle.phase, cycle.phase), (left, 22), size=size, colour=PAPER)
     found = cycle.sight.located is not None
     seen = "target located in this cycle" if found else "target not seen in this cycle"
-    write(board, f"{cycle.time:5.1f} s", (left, 58), size=0.6, colour=GREY)
-    write(board, seen, (left + 110, 58), size=0.6, colour=GOOD if found else GREY)
+    write(board, f"{cycle.time:.1f} s", (left, 58), size=0.6, colour=GREY)
+    write(board, seen, (left + 90, 58), size=0.6, colour=GOOD if found else GREY)
     attended = cycle.sight.attended
     write(board, f"Looked at {attended:.0%} of the pixels", (left, 106), size=0.62, colour=PAPER)
     _bar(board, 134, attended, BLUE)
@@ -164,7 +183,7 @@ def figures(cycle: Cycle, width: int, height: int = 420) -> Picture:
         write(board, f"Scan of the full images: {full:.0f} ms", (left, 252), size=0.62, colour=PAPER)
         _bar(board, 280, 1.0, GREY)
     strip = legend_strip(width - left)
-    top = max(316, height - strip.shape[0] - 10)
+    top = min(330, height - strip.shape[0] - 10)
     room = board[top : top + strip.shape[0], left - 8 : left - 8 + strip.shape[1]]
     room[:] = strip[: room.shape[0], : room.shape[1]]
     return board

@@ -7,6 +7,7 @@ at twice the camera's size, so that lines stay crisp on 320 x 240 pixels.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
 import cv2
@@ -96,11 +97,11 @@ def draw_attention(
         canvas = _blend(canvas, landscape, size)
     if windows is not None:
         wanted = windows if isinstance(windows, Windows) else Windows(_centres(windows), window_size)
-        _draw_windows(canvas, wanted.corners((height, width)), wanted.size, BLUE, scale, 0.75)
+        _draw_windows(canvas, wanted.corners((height, width)), wanted.size, BLUE, scale, 0.95)
         window_size = wanted.size
     if hits is not None:
         corners = _points("hits", hits).astype(np.intp)
-        _draw_windows(canvas, corners, window_size, YELLOW, scale, 0.9)
+        _draw_windows(canvas, corners, window_size, YELLOW, scale, 1.0)
     if silhouette is not None:
         _same_shape("silhouette", silhouette, (height, width))
         _draw_silhouette(canvas, silhouette, scale)
@@ -140,7 +141,7 @@ def stereo_panel(cycle: Cycle, *, scale: int = 2, captions: bool = True) -> Pict
     )
 
 
-def side_by_side(pictures: Sequence[Picture], *, gap: int = 8, background: Colour = PAPER) -> Picture:
+def side_by_side(pictures: Sequence[Picture], *, gap: int = 8, background: Colour = INK) -> Picture:
     """Pictures in one row, their tops aligned.
 
     Raises:
@@ -238,7 +239,7 @@ def _found(cycle: Cycle, camera: str) -> NDArray[np.bool_] | None:
     return full
 
 
-def _same_shape(name: str, array: NDArray[np.generic], shape: tuple[int, int]) -> None:
+def _same_shape(name: str, array: npt.ArrayLike, shape: tuple[int, int]) -> None:
     if np.shape(array) != shape:
         raise ArgumentError(f"{name}: shape {shape} of the image expected, got {np.shape(array)}")
 
@@ -254,14 +255,16 @@ def _centres(windows: npt.ArrayLike) -> NDArray[np.int32]:
     return np.rint(_points("windows", windows)).astype(np.int32)
 
 
-def _resized(picture: NDArray[np.generic], size: tuple[int, int], how: int) -> Picture:
-    return cv2.resize(picture, size, interpolation=how)  # type: ignore[call-overload, no-any-return]
+def _resized(picture: Picture, size: tuple[int, int], how: int) -> Picture:
+    resized: Picture = cv2.resize(picture, size, interpolation=how)  # type: ignore[assignment]
+    return resized
 
 
 def _muted(image: Picture) -> Picture:
     """A third less colourful, so that what is drawn stands out."""
     grey = image.mean(axis=2, keepdims=True)
-    return (0.68 * image + 0.32 * grey).astype(np.uint8)
+    muted: Picture = (0.68 * image + 0.32 * grey).astype(np.uint8)
+    return muted
 
 
 def _blend(canvas: Picture, landscape: NDArray[np.float32], size: tuple[int, int]) -> Picture:
@@ -271,8 +274,9 @@ def _blend(canvas: Picture, landscape: NDArray[np.float32], size: tuple[int, int
         return canvas
     share = cv2.resize(np.clip(level / top, 0.0, 1.0), size, interpolation=cv2.INTER_LINEAR)
     # Low relevance must still be visible: where the landscape ends is half of what it says.
-    alpha = np.where(share > 0.0, 0.1 + 0.5 * share**0.8, 0.0)[..., None]
-    return ((1.0 - alpha) * canvas + alpha * np.array(RED)).astype(np.uint8)
+    alpha = np.where(share > 0.0, 0.07 + 0.43 * share**0.9, 0.0)[..., None]
+    blended: Picture = ((1.0 - alpha) * canvas + alpha * np.array(RED)).astype(np.uint8)
+    return blended
 
 
 def _draw_windows(
@@ -298,7 +302,7 @@ def _draw_path(canvas: Picture, path: NDArray[np.float64], scale: int) -> None:
     drawn = (path + 0.5) * scale - 0.5
     low = np.full(2, -_MARGIN)
     high = np.array([canvas.shape[1], canvas.shape[0]]) + _MARGIN
-    pieces = [_clipped(a, b, low, high) for a, b in zip(drawn[:-1], drawn[1:], strict=True)]
+    pieces = [_clipped(a, b, low, high) for a, b in pairwise(drawn)]
     for colour, weight in ((INK, 3 * scale), (WHITE, scale + 1)):
         for piece in pieces:
             if piece is not None:
@@ -319,7 +323,7 @@ def _fixed(point: NDArray[np.float64]) -> tuple[int, int]:
 def _clipped(
     a: NDArray[np.float64], b: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """The part of the line from ``a`` to ``b`` (Liang-Barsky) between two corners, None without one or with NaN."""
+    """The part of a line within a box (Liang-Barsky); None where there is none, or with NaN."""
     if not (np.isfinite(a).all() and np.isfinite(b).all()):
         return None
     along = b - a

@@ -1,0 +1,256 @@
+"""The report as one HTML page: pictures, plots and video are inside it, there is no script."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from ..viz import LEGEND
+from .text import explanation, headline, note, numbers, outcome_class, outcome_line, pairs
+
+EMBED_LIMIT = 8_000_000  # a larger video is linked instead [bytes]
+
+_ICON = (
+    "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'><rect width='32' height='32' rx='7' "
+    "fill='#1d2430'/><circle cx='16' cy='16' r='9' fill='none' stroke='#e22024' stroke-width='4'/>"
+    "<circle cx='16' cy='16' r='3' fill='#fff'/></svg>"
+)
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture or plot for a report.
+
+    Attributes:
+        title: two or three words.
+        caption: a sentence that explains it.
+        alt: what it shows, for those who cannot see it.
+        data: the encoded picture.
+        kind: its media type, such as 'image/png'.
+        lead: the one to show large.
+    """
+
+    title: str
+    caption: str
+    alt: str
+    data: bytes
+    kind: str
+    lead: bool = False
+
+
+def write_report(
+    path: Path,
+    data: Mapping[str, Any],
+    *,
+    pictures: Sequence[Shot] = (),
+    plots: Sequence[Shot] = (),
+    video: Path | None = None,
+    poster: bytes | None = None,
+) -> None:
+    """Write a report, see :func:`page`; the file appears whole or not at all.
+
+    Raises:
+        OSError: it cannot be written, or the video cannot be read.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        partial.write_text(
+            page(data, pictures=pictures, plots=plots, video=video, poster=poster), encoding="utf-8"
+        )
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def page(
+    data: Mapping[str, Any],
+    *,
+    pictures: Sequence[Shot] = (),
+    plots: Sequence[Shot] = (),
+    video: Path | None = None,
+    poster: bytes | None = None,
+) -> str:
+    """A report as HTML.
+
+    Args:
+        data: as in result.json.
+        pictures: of the run, in order.
+        plots: of the run.
+        video: a WebM file; inside the page up to :data:`EMBED_LIMIT`, else linked by its name.
+        poster: JPEG shown before the video plays.
+    """
+    title = f"{data['title']}: {data['outcome']}"
+    linked = video is not None and video.stat().st_size >= EMBED_LIMIT
+    media = "data: file: 'self'" if linked else "data:"
+    policy = f"default-src 'none'; img-src data:; media-src {media}; style-src 'unsafe-inline'"
+    style = files(__package__).joinpath("style.css").read_text(encoding="utf-8")
+    body = [
+        _head(data),
+        _film(video, poster, linked),
+        _story(pictures),
+        _table(data),
+        _plots(plots),
+        _details(data),
+    ]
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{escape(policy)}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n"
+        f'<link rel="icon" href="{_uri(_ICON.encode(), "image/svg+xml")}">\n'
+        f"<style>\n{style}</style>\n</head>\n<body>\n"
+        + "\n".join(part for part in body if part)
+        + "\n</body>\n</html>\n"
+    )
+
+
+def _head(data: Mapping[str, Any]) -> str:
+    outcome, reason = str(data["outcome"]), str(data["reason"])
+    kind = outcome_class(outcome)
+    banner = ""
+    if outcome in ("interrupted", "failed", "running"):
+        said = f"<b>This run was not completed.</b> {escape(outcome_line(outcome))}"
+        said += f" {escape(reason)}." if reason else ""
+        banner = f'<div class="banner {kind}"><p>{said} The figures cover the cycles until then.</p></div>\n'
+    why = f'<span class="reason">{escape(reason)}</span>' if reason and not banner else ""
+    cards = "".join(
+        f"<div><strong>{escape(big)}</strong><span>{escape(small)}</span></div>"
+        for big, small in numbers(data)
+    )
+    return (
+        f'{banner}<p class="kicker">motorprime · motor-primed visual attention</p>\n'
+        f"<h1>{escape(str(data['title']))}</h1>\n"
+        f'<p><span class="outcome {kind}">{escape(outcome_line(outcome))}</span>{why}</p>\n'
+        f'<p class="headline">{_strong(headline(data))}</p>\n'
+        f'<div class="numbers">{cards}</div>\n'
+        f"<p>{escape(explanation())}</p>"
+    )
+
+
+def _film(video: Path | None, poster: bytes | None, linked: bool) -> str:
+    if video is None:
+        return ""
+    source = escape(video.name) if linked else _uri(video.read_bytes(), "video/webm")
+    still = f' poster="{_uri(poster, "image/jpeg")}"' if poster else ""
+    beside = (
+        f" The video is too large for this page and lies beside it: {escape(video.name)}." if linked else ""
+    )
+    return (
+        "<h2>The run</h2>\n<figure>"
+        f'<video controls muted preload="metadata"{still} src="{source}" '
+        'aria-label="The run: both eyes with attention, a bystander\'s view, and what looking cost"></video>'
+        "<figcaption>One frame per vision cycle, ten per second. Above: what both eyes see, and where "
+        f"attention is. Below: a bystander's view and what looking cost.{beside}</figcaption></figure>"
+    )
+
+
+def _story(pictures: Sequence[Shot]) -> str:
+    if not pictures:
+        return ""
+    swatches = "".join(
+        f'<li><i style="background:rgb({r},{g},{b})"></i>{escape(meaning)}</li>'
+        for (r, g, b), meaning in LEGEND
+    )
+    lead = next((shot for shot in pictures if shot.lead), pictures[0])
+    shown = "".join(_figure(shot) for shot in pictures if shot is not lead)
+    return (
+        "<h2>What the robot looked at</h2>\n"
+        "<p>Left and right eye, side by side. The redder, the more relevant to the motion.</p>\n"
+        f'<ul class="legend">{swatches}</ul>\n{_figure(lead)}<div class="grid">{shown}</div>'
+    )
+
+
+def _plots(plots: Sequence[Shot]) -> str:
+    return "".join(f"<h2>{escape(shot.title)}</h2>\n{_figure(shot, 'plot')}" for shot in plots)
+
+
+def _figure(shot: Shot, kind: str = "") -> str:
+    title = "" if kind == "plot" else f"<b>{escape(shot.title)}.</b> "
+    return (
+        f'<figure class="{kind}"><img src="{_uri(shot.data, shot.kind)}" alt="{escape(shot.alt)}">'
+        f"<figcaption>{title}{escape(shot.caption)}</figcaption></figure>\n"
+    )
+
+
+def _table(data: Mapping[str, Any]) -> str:
+    attended, full, cheap = data["attended_ms"], data["full_frame_ms"], data["back_projection_ms"]
+    if attended is None:
+        return ""
+    rows = [("", name, figures) for name, figures in data["stages_ms"].items()]
+    rows.append(("total", "with attention, all stages", attended))
+    if full is not None:
+        rows.append(("full", "scan of the full images", full))
+    if cheap is not None:
+        rows.append(("other", "for comparison: back-projection of the full images", cheap))
+    longest = max(figures["median"] for _, _, figures in rows) or 1.0
+    lines = "".join(
+        f'<tr class="{kind}"><td>{escape(name)}</td><td class="n">{figures["median"]:.2f}</td>'
+        f'<td class="n">{figures["lower_quartile"]:.2f} to {figures["upper_quartile"]:.2f}</td>'
+        f'<td class="scale"><span class="bar" style="width:{100 * figures["median"] / longest:.2f}%"></span>'
+        "</td></tr>\n"
+        for kind, name, figures in rows
+    )
+    said = "".join(f'<p class="note">{escape(line)}</p>\n' for line in note(data))
+    return (
+        "<h2>What a vision cycle costs</h2>\n<table>\n<thead><tr><th>both eyes, per cycle</th>"
+        '<th class="n">median [ms]</th><th class="n">quartiles [ms]</th>'
+        "<th>median, to scale</th></tr></thead>\n"
+        f"<tbody>{lines}</tbody></table>\n{said}"
+    )
+
+
+def _details(data: Mapping[str, Any]) -> str:
+    tables = "".join(
+        f"<h2>{title}</h2>\n<table>{rows}</table>\n"
+        for title, rows in (
+            ("As judged from outside", _pair_rows(data["judged"])),
+            ("The run's settings", _pair_rows(data["meta"])),
+        )
+        if rows
+    )
+    versions = ", ".join(f"{name} {version}" for name, version in data["versions"].items())
+    made = f"Made by {escape(versions)}. All figures are in result.json."
+    return f"{tables}{_cycles(data['history'])}\n<footer>{made}</footer>"
+
+
+def _pair_rows(values: Mapping[str, Any]) -> str:
+    return "".join(
+        f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in pairs(values)
+    )
+
+
+def _cycles(history: Sequence[Mapping[str, Any]]) -> str:
+    if not history:
+        return ""
+    lines = "".join(
+        f'<tr><td class="n">{k}</td><td>{escape(str(r["phase"]))}</td><td class="n">{r["time"]:.2f}</td>'
+        f'<td class="n">{r["attended"]:.1%}</td><td class="n">{1e3 * sum(r["seconds"].values()):.1f}</td>'
+        f"<td>{'yes' if r['located'] else 'no'}</td>{_full_cells(r['full_frame'])}</tr>\n"
+        for k, r in enumerate(history, start=1)
+    )
+    return (
+        '<details><summary>Every cycle</summary><div class="scroll"><table class="small"><thead><tr>'
+        '<th class="n">cycle</th><th>phase</th><th class="n">time [s]</th><th class="n">looked at</th>'
+        '<th class="n">with attention [ms]</th><th>located</th><th class="n">full scan [ms]</th>'
+        f"<th>full scan located</th></tr></thead><tbody>{lines}</tbody></table></div></details>"
+    )
+
+
+def _full_cells(full: Mapping[str, Any] | None) -> str:
+    if full is None:
+        return '<td class="n">–</td><td>–</td>'
+    return f'<td class="n">{1e3 * full["seconds"]:.1f}</td><td>{"yes" if full["located"] else "no"}</td>'
+
+
+def _strong(parts: Sequence[str]) -> str:
+    """Every second part stands out."""
+    return "".join(f"<b>{escape(part)}</b>" if k % 2 else escape(part) for k, part in enumerate(parts))
+
+
+def _uri(data: bytes, kind: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"

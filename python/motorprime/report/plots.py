@@ -1,0 +1,221 @@
+"""The report's plots, as SVG."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import MissingExtraError
+from ..summary import stages_of, total_ms
+from .page import Shot
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = ("#7aa6f0", "#b4d2f7", "#f2b134", "#2457c5", "#8d6fd1", "#7f8896", "#c2c8d2")
+FULL, GOOD, INK, LINE = "#8b919c", "#169c52", "#1d2430", "#2457c5"
+PHASES = {"search": "#f3f5f8", "fixate": "#fff3d6", "reach": "#eaf3ff"}
+STYLE: dict[str, Any] = {
+    "font.size": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#9aa2af",
+    "axes.labelcolor": INK,
+    "axes.titlesize": 11,
+    "axes.titlelocation": "left",
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "text.color": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "svg.hashsalt": "motorprime",
+}
+
+
+def check_plots() -> None:
+    """Raise now what :func:`plot_shots` would raise at the end of a run.
+
+    Raises:
+        MissingExtraError: matplotlib is missing.
+    """
+    if importlib.util.find_spec("matplotlib") is None:
+        raise MissingExtraError("the report's plots (matplotlib)", "viz")
+
+
+def plot_shots(data: Mapping[str, Any]) -> list[Shot]:
+    """The plots of a run; fewer where there is nothing to plot.
+
+    Args:
+        data: as in result.json.
+
+    Raises:
+        MissingExtraError: matplotlib is missing.
+    """
+    check_plots()
+    import matplotlib
+
+    history = data["history"]
+    if not history:
+        return []
+    with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]
+        shots = [_times(history), _attended(history)]
+        reach = [record for record in history if record["goal"] is not None]
+        if len(reach) >= 2:
+            shots.insert(1, _approach(reach))
+        return shots
+
+
+def _times(history: Sequence[Mapping[str, Any]]) -> Shot:
+    figure = _figure(4.6)
+    full = [None if r["full_frame"] is None else 1e3 * r["full_frame"]["seconds"] for r in history]
+    measured = [value for value in full if value is not None]
+    numbers = np.arange(1, len(history) + 1)
+    totals = np.array([total_ms(record) for record in history])
+    if measured:
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1, 1.5))
+        above.plot(
+            numbers,
+            [np.nan if v is None else v for v in full],
+            color=FULL,
+            lw=2,
+            label="scan of the full images",
+        )
+        above.plot(numbers, totals, color=LINE, lw=2, label="with attention, all stages")
+        above.set_ylim(0.0, 1.15 * max(max(measured), float(totals.max())))
+        above.set_ylabel("ms per cycle")
+        above.set_title("With attention against the full scan")
+        above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=2)
+        _shade(above, history)
+    else:
+        below = figure.subplots()
+    base = np.zeros(len(history))
+    for stage, colour in zip(stages_of(history), COLOURS * 4, strict=False):
+        values = np.array([1e3 * record["seconds"].get(stage, 0.0) for record in history])
+        below.bar(numbers, values, bottom=base, width=0.86, color=colour, label=stage)
+        base += values
+    below.set_xlim(0.3, len(history) + 0.7)
+    # One hiccup of the machine must not flatten all other bars; what is cut off is said.
+    top = 1.35 * float(np.percentile(totals, 95)) or 1.0
+    below.set_ylim(0.0, top)
+    for number, total in zip(numbers, totals, strict=True):
+        if total > top:
+            below.annotate(
+                f"{total:.0f}", (number, top), ha="center", va="bottom", fontsize=8, annotation_clip=False
+            )
+    below.set_ylabel("ms per cycle")
+    below.set_xlabel("vision cycle")
+    below.set_title("Where the time with attention goes", pad=14)
+    below.legend(loc="upper center", ncol=5, bbox_to_anchor=(0.5, -0.24))
+    _shade(below, history)
+    return _shot(
+        figure,
+        "Time of every vision cycle",
+        "Above: all stages with attention beside the scan of the full images. Below: the former by stage.",
+        f"Time per vision cycle: median {np.median(totals):.1f} ms with attention"
+        + (f", {np.median(measured):.0f} ms for the full scan." if measured else "."),
+    )
+
+
+def _approach(reach: Sequence[Mapping[str, Any]]) -> Shot:
+    figure = _figure(3.4)
+    axes = figure.subplots()
+    times = np.array([record["time"] for record in reach])
+    distances = np.array([1e3 * _distance(record["palm"], record["goal"]) for record in reach])
+    axes.plot(times, distances, color=LINE, lw=2, label="palm to its goal")
+    seen = np.array([bool(record["located"]) for record in reach])
+    axes.plot(times[seen], distances[seen], "o", ms=5, color=GOOD, label="target located in this cycle")
+    axes.plot(times[~seen], distances[~seen], "o", ms=5, mfc="white", mec=FULL, label="not located")
+    wrong = [
+        (r["time"], 1e3 * _distance(r["estimate"], r["truth"])) for r in reach if r["truth"] and r["estimate"]
+    ]
+    caption = "The palm's distance from its goal, and the cycles in which both eyes gave a position."
+    if wrong:
+        twin = axes.twinx()
+        twin.plot(
+            *zip(*wrong, strict=True),
+            color="#c2571a",
+            lw=1.5,
+            ls="--",
+            label="error of the estimate (right axis)",
+        )
+        twin.set_ylabel("error of the estimate [mm]")
+        twin.spines["right"].set_visible(True)
+        twin.set_ylim(0.0, max(5.0, 1.2 * max(error for _, error in wrong)))
+        twin.legend(loc="upper right", bbox_to_anchor=(1.0, 0.72))
+        caption += " Dashed: how far the estimated place of the target is from the true one."
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("distance [mm]")
+    axes.legend(loc="upper right")
+    return _shot(
+        figure,
+        "The reach",
+        caption,
+        f"The palm's distance from its goal falls from {distances[0]:.0f} mm to {distances[-1]:.0f} mm.",
+    )
+
+
+def _attended(history: Sequence[Mapping[str, Any]]) -> Shot:
+    figure = _figure(2.8)
+    axes = figure.subplots()
+    shares = np.array([100.0 * record["attended"] for record in history])
+    numbers = np.arange(1, len(history) + 1)
+    axes.fill_between(numbers, shares, step="mid", color=LINE, alpha=0.25)
+    axes.step(numbers, shares, where="mid", color=LINE, lw=1.8)
+    axes.axhline(100.0, color=FULL, lw=2)
+    axes.annotate(
+        "scan of the full images", (numbers[-1], 100.0), ha="right", va="bottom", fontsize=9, color=FULL
+    )
+    axes.set_xlim(0.3, len(history) + 0.7)
+    axes.set_ylim(0.0, 132.0)
+    axes.set_yticks((0, 25, 50, 75, 100))
+    axes.set_ylabel("% of the pixels")
+    axes.set_xlabel("vision cycle")
+    _shade(axes, history)
+    return _shot(
+        figure,
+        "How much was looked at",
+        "Pixels of both images that the detector touched; an overlap counts once.",
+        f"Fraction of the pixels looked at: median {np.median(shares):.0f} %.",
+    )
+
+
+def _shade(axes: Axes, history: Sequence[Mapping[str, Any]]) -> None:
+    """Colour the background by phase and name the phases."""
+    phases = [record["phase"] for record in history]
+    start = 0
+    for k in range(1, len(phases) + 1):
+        if k == len(phases) or phases[k] != phases[start]:
+            axes.axvspan(start + 0.5, k + 0.5, color=PHASES.get(phases[start], "#f3f5f8"), zorder=-5, lw=0)
+            if k - start > 0.06 * len(phases):
+                place = ((start + k + 1) / 2, 0.97)
+                axes.text(
+                    *place,
+                    phases[start],
+                    transform=axes.get_xaxis_transform(),
+                    ha="center",
+                    va="top",
+                    fontsize=8,
+                )
+            start = k
+
+
+def _distance(a: Sequence[float], b: Sequence[float]) -> float:
+    return float(np.linalg.norm(np.subtract(a, b)))
+
+
+def _figure(height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(9.0, height), layout="constrained")
+
+
+def _shot(figure: Figure, title: str, caption: str, alt: str) -> Shot:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return Shot(title, caption, alt, buffer.getvalue(), "image/svg+xml")

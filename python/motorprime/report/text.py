@@ -1,0 +1,136 @@
+"""What a report says about a run, in words; nothing here knows HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+OUTCOMES = {
+    "reached": "The hand reached its place before the target.",
+    "missed": "The hand did not get to its place before the target.",
+    "not found": "The target was not found.",
+    "refused": "The target was found, but out of reach: nothing was moved.",
+    "interrupted": "Interrupted.",
+    "failed": "Failed.",
+    "running": "Still running, or killed.",
+}
+
+
+def outcome_line(outcome: str) -> str:
+    """An outcome as a sentence; unknown ones as they are."""
+    return OUTCOMES.get(outcome, outcome)
+
+
+def outcome_class(outcome: str) -> str:
+    """'good', 'bad' or '' for anything between."""
+    return {"reached": "good", "failed": "bad", "missed": "bad"}.get(outcome, "")
+
+
+def headline(data: Mapping[str, Any]) -> list[str]:
+    """The one sentence to remember; every second part of it is to stand out."""
+    attended, full, share = data["attended_ms"], data["full_frame_ms"], data["attended_fraction"]
+    if attended is None or share is None:
+        return ["No vision cycle was recorded."]
+    looked = ["The robot looked at ", f"{share['median']:.0%} of the pixels", ""]
+    if full is None or data["speed_up"] is None:
+        return [*looked[:2], "; a vision cycle took ", milliseconds(attended["median"]), "."]
+    return [
+        *looked[:2],
+        "; a vision cycle took ",
+        milliseconds(attended["median"]),
+        f" instead of the {milliseconds(full['median'])} of a full scan: ",
+        factor(data["speed_up"]),
+        ".",
+    ]
+
+
+def numbers(data: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The main figures, each with what it is."""
+    cards: list[tuple[str, str]] = []
+    if data["attended_fraction"] is not None:
+        cards.append(
+            (f"{data['attended_fraction']['median']:.0%}", "of the pixels looked at per cycle (median)")
+        )
+    if data["attended_ms"] is not None:
+        cards.append(
+            (milliseconds(data["attended_ms"]["median"]), "vision cycle with attention, both eyes (median)")
+        )
+    if data["full_frame_ms"] is not None:
+        cards.append(
+            (milliseconds(data["full_frame_ms"]["median"]), "scan of the full images, both eyes (median)")
+        )
+    if data["cycles"]["total"]:
+        told = f"{data['located']['attended']} of {data['cycles']['total']}"
+        beside = data["located"]["full_frame"]
+        words = "cycles in which the target was located"
+        cards.append((told, words if beside is None else f"{words}; full scan: {beside}"))
+    return cards
+
+
+def explanation() -> str:
+    """What motor-primed attention is, for a stranger."""
+    return (
+        "A robot that is about to grasp something does not need to examine everything that its cameras "
+        "show. Motor-primed attention turns what the robot can do, and what it plans to do, into a map over "
+        "each image: first the space that its arm can reach, and once it has a plan, the path that its hand "
+        "will take. The object detector then runs only in windows sampled from that map, fresh ones every "
+        "cycle, many where the motion will be and none where it cannot be. The same detector over the full "
+        "images, run beside it and not used by the robot, shows what that saves."
+    )
+
+
+def note(data: Mapping[str, Any]) -> list[str]:
+    """What must be said about the times to be fair."""
+    full, cheap, attended = data["full_frame_ms"], data["back_projection_ms"], data["attended_ms"]
+    if full is None or attended is None:
+        return [
+            "The scan of the full images was not run beside this run, so there is nothing to compare with."
+        ]
+    lines = [
+        "The comparison leans to the safe side: the time with attention counts every stage up to the "
+        "position in space, the time of the full scan only its windows. Times are from this machine and "
+        "this run."
+    ]
+    if cheap is not None:
+        better = cheap["median"] < attended["median"]
+        verdict = "would beat both" if better else "is another way to look everywhere"
+        lines.append(
+            "In fairness: looking for a colour has a short cut that needs no windows. Back-projection of the "
+            f"full images takes {cheap['median']:.1f} ms and {verdict} for this very cheap detector. "
+            "Attention pays for detectors that cost much per window or per pixel and have no such short cut."
+        )
+    return lines
+
+
+def pairs(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Names and values as text; nested names are joined by dots."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from pairs(value, f"{prefix}{name}.")
+        else:
+            yield prefix + str(name).replace("_", " "), plain_text(value)
+
+
+def plain_text(value: Any) -> str:
+    """A value as people write it."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(plain_text(each) for each in value)
+    return str(value)
+
+
+def milliseconds(value: float) -> str:
+    """A time [ms] with its unit, two or three digits."""
+    return f"{value:.1f} ms" if value < 20 else f"{value:.0f} ms"
+
+
+def factor(value: float) -> str:
+    """How many times faster, or slower, said honestly."""
+    if value >= 1.05:
+        return f"{value:.0f} times faster" if value >= 9.5 else f"{value:.1f} times faster"
+    return f"{1 / value:.1f} times slower" if value <= 0.95 else "no faster"
