@@ -224,7 +224,7 @@ class _Album:
     @property
     def poster(self) -> bytes | None:
         """What the video shows before it plays."""
-        return self._frames[len(self._frames) // 2] if self._frames else None
+        return self._frames[round((len(self._frames) - 1) * 2 / 3)] if self._frames else None
 
     def shots(self) -> list[Shot]:
         """In the order of the run."""
@@ -259,7 +259,7 @@ class _Album:
                 f"What both eyes saw. {title}: {caption}.",
                 picture,
                 "image/jpeg",
-                lead=title == moments[0],
+                lead=title == moments[2],
             )
             for picture, title, caption in told
             if picture is not None

@@ -233,9 +233,10 @@ def _found(cycle: Cycle, camera: str) -> NDArray[np.bool_] | None:
     search = cycle.sight.searches.get(camera)
     if search is None or not search.silhouettes:
         return None
-    full = np.zeros(cycle.images[camera].shape[:2], dtype=np.bool_)
+    height, width = cycle.images[camera].shape[:2]
+    full = np.zeros((height, width), dtype=np.bool_)
     for silhouette in search.silhouettes:
-        full |= silhouette.paint((full.shape[0], full.shape[1]))
+        full |= silhouette.paint((height, width))
     return full
 
 
@@ -274,7 +275,7 @@ def _blend(canvas: Picture, landscape: NDArray[np.float32], size: tuple[int, int
         return canvas
     share = cv2.resize(np.clip(level / top, 0.0, 1.0), size, interpolation=cv2.INTER_LINEAR)
     # Low relevance must still be visible: where the landscape ends is half of what it says.
-    alpha = np.where(share > 0.0, 0.07 + 0.43 * share**0.9, 0.0)[..., None]
+    alpha = np.where(share > 0.0, 0.07 + 0.5 * share, 0.0)[..., None]
     blended: Picture = ((1.0 - alpha) * canvas + alpha * np.array(RED)).astype(np.uint8)
     return blended
 

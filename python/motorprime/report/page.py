@@ -115,7 +115,7 @@ def _head(data: Mapping[str, Any]) -> str:
     banner = ""
     if outcome in ("interrupted", "failed", "running"):
         said = f"<b>This run was not completed.</b> {escape(outcome_line(outcome))}"
-        said += f" {escape(reason)}." if reason else ""
+        said += f" {escape(reason[:1].upper() + reason[1:])}." if reason else ""
         banner = f'<div class="banner {kind}"><p>{said} The figures cover the cycles until then.</p></div>\n'
     why = f'<span class="reason">{escape(reason)}</span>' if reason and not banner else ""
     cards = "".join(

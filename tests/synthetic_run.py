@@ -1,0 +1,75 @@
+"""Vision cycles made by hand, for the tests of pictures, recordings and reports: no simulator runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from motorprime import Look, Windows
+from motorprime.cylinder import Located
+from motorprime.detectors.histogram import Search, Silhouette
+from motorprime.tasks.explore import Sight
+
+SHAPE = (60, 80)
+CAMERAS = ("left", "right")
+
+
+def cycle(phase="reach", k=0, *, found=True, looks=True, full=True, path=True, attended=0.2):
+    """One cycle of two small cameras; ``k`` moves everything a little."""
+    # The task's own dataclasses, so that a change of theirs is noticed; its module needs the simulator.
+    reach = pytest.importorskip(
+        "motorprime.tasks.reach", reason="install the extra 'sim'", exc_type=ImportError
+    )
+    generator = np.random.default_rng(k)
+    images = {c: generator.integers(0, 255, (*SHAPE, 3), dtype=np.uint8) for c in CAMERAS}
+    landscape = np.zeros(SHAPE, np.float32)
+    landscape[20:40, 30:60] = 1.0
+    windows = Windows(np.array([[40, 30], [50, 25]], np.int32), 10)
+    silhouette = Silhouette(np.ones((8, 6), np.bool_), (38, 26), np.array([40.5, 29.5]), 0.8)
+    mask = np.zeros(SHAPE, np.bool_)
+    search = Search(
+        (silhouette,) if found else (),
+        np.array([[35, 25]], np.intp) if found else np.zeros((0, 2), np.intp),
+        mask,
+    )
+    centre = np.array([-0.3, 0.1, 0.05])
+    return reach.Cycle(
+        phase=phase,
+        time=0.1 * k,
+        joints=np.zeros(9),
+        images=images,
+        looks={c: Look(landscape) for c in CAMERAS} if looks else {},
+        sight=Sight(
+            Located(centre, 0.9, 0.9, 0.9) if found else None,
+            dict.fromkeys(CAMERAS, windows) if looks else {},
+            dict.fromkeys(CAMERAS, search) if looks else {},
+            attended,
+        ),
+        palm=np.array([-0.2, 0.2, 0.1]) + 0.01 * k,
+        seconds={
+            "projection": 0.002,
+            "landscape": 0.0005,
+            "sampling": 0.0005,
+            "detection": 0.002,
+            "triangulation": 0.001,
+        },
+        path=np.zeros((3, 3)) if path else None,
+        path_pixels={c: np.array([[10.0, 10.0], [30.0, 20.0], [40.0, 30.0]]) for c in CAMERAS}
+        if path
+        else {},
+        estimate=centre if found else None,
+        goal=centre + 0.05 if phase == "reach" else None,
+        full=reach.FullFrame(0.06, 0.001, Located(centre, 0.9, 0.9, 0.9) if found else None)
+        if full
+        else None,
+    )
+
+
+def run():
+    """A whole run: a search that finds, a fixation, a reach."""
+    return [
+        cycle("search", 0, found=False, path=False),
+        cycle("search", 1, path=False),
+        cycle("fixate", 2, path=False),
+        *(cycle("reach", k) for k in range(3, 9)),
+    ]
