@@ -180,9 +180,10 @@ ICUB = Robot(
     },
     ranges=_degrees(eyes_tilt=(-30, 30), eyes_version=(-30, 30), eyes_vergence=(0, 50)),
     around_eyes=("head",),
-    guarded={"r_elbow_1": 0.045, "r_wrist_1": 0.04},
+    guarded={"r_elbow_1": 0.055, "r_wrist_1": 0.055},
     parked={
-        "l_shoulder_pitch": 0.15, "l_shoulder_roll": 0.35, "l_thumb_opposition_joint": 1.2,
+        "l_shoulder_pitch": 0.15, "l_shoulder_roll": 0.35, "l_shoulder_yaw": 0.8, "l_wrist_prosup": 0.8,
+        "l_thumb_opposition_joint": 1.2,
         "r_thumb_opposition_joint": 0.8,
     },
     aside=(-0.10, 0.34, 0.06),

@@ -19,8 +19,13 @@ STANDOFF = 0.08
 """Distance [m] of the palm's origin from the object's axis at the pre-grasp point."""
 
 POSITION, FACING, LEVEL, COMFORT = 200.0, 4.0, 1.5, 0.12  # weights: per m, per unit of direction, per rad
-HAND = np.array([[0.105, -0.03, -0.01], [0.105, 0.035, -0.01], [-0.01, 0.04, -0.01], [-0.01, -0.11, -0.01]])
-"""Fingertips, the hand's lower edge and the thumb's tip in the palm's frame [m]; HAND_CLEARANCE above the bench."""
+HAND = np.array(
+    [
+        [0.11, -0.03, -0.01], [0.11, 0.035, -0.01], [0.03, 0.035, -0.01], [-0.04, 0.03, -0.02],
+        [0.0, 0.0, -0.04], [-0.01, -0.06, 0.0], [-0.01, -0.09, 0.045], [-0.04, -0.03, -0.02],
+    ]
+)  # fmt: skip
+"""Fingertips, edges and back of the hand and the thumb in the palm's frame [m]: HAND_CLEARANCE above the bench."""
 HAND_CLEARANCE = 0.01
 ABOVE = 400.0  # per metre that a point of the arm dips below its clearance over the table
 AZIMUTHS = np.deg2rad(np.arange(-20.0, 101.0, 15.0))  # of the palm's facing: 0 to the left, 90 straight ahead
@@ -68,7 +73,7 @@ class ReachSolver:
         # Keep a little off the limits: a joint at its stop cannot follow a correction.
         self.limits = self.limits + np.column_stack([0.02 * span, -0.02 * span])
         self.rest = np.clip(robot.resting(self.names), self.limits[:, 0], self.limits[:, 1])
-        stiff = np.array([3.0 if name in robot.torso else 1.0 for name in self.names])
+        stiff = np.array([5.0 if name in robot.torso else 1.0 for name in self.names])
         self.comfort = COMFORT * stiff
         self._guards = [] if bench is None else self._guard(bench)
 
@@ -113,7 +118,14 @@ class ReachSolver:
         return best[1]
 
     def solve(
-        self, place: Floats, facing: Floats, start: Floats, *, hold: Floats, facing_weight: float = 1.0
+        self,
+        place: Floats,
+        facing: Floats,
+        start: Floats,
+        *,
+        hold: Floats,
+        facing_weight: float = 1.0,
+        keep: tuple[str, ...] = (),
     ) -> Floats:
         """Angles (n,) that bring the palm to ``place`` (3,), facing ``facing`` (3,), fingers level.
 
@@ -123,6 +135,7 @@ class ReachSolver:
             start: first guess [rad].
             hold: angles that are preferred where the task leaves a choice [rad].
             facing_weight: 0 to 1, how much the palm's direction counts.
+            keep: joints that stay as in ``start``.
         """
         frame, weight = self.robot.palm.frame, facing_weight
 
@@ -154,7 +167,10 @@ class ReachSolver:
             ]
             return np.vstack(rows)
 
-        return solve_bounded(residuals, start, self.limits, jacobian=jacobian)
+        limits = self.limits.copy()
+        for k in [self.names.index(name) for name in keep]:
+            limits[k] = start[k] - 1e-6, start[k] + 1e-6
+        return solve_bounded(residuals, start, limits, jacobian=jacobian)
 
     def _guard(self, bench: Bench) -> list[_Guard]:
         """The points of the arm that must stay above the bench."""

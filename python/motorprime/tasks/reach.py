@@ -275,9 +275,10 @@ class Reach:
         if place is None:
             return
         start = self._angles()
-        moving = np.array([name not in self.body.robot.torso for name in self.solver.names])
         left = np.array([0.0, -1.0, 0.0])
-        posture = self.solver.solve(np.array(place), left, start, hold=np.where(moving, self.solver.rest, start))
+        posture = self.solver.solve(
+            np.array(place), left, start, hold=self.solver.rest, keep=self.body.robot.torso
+        )
         targets = dict(zip(self.solver.names, (float(angle) for angle in posture), strict=True))
         self.body.move(targets, max(1.0, float(np.abs(posture - start).max()) / GAZE_SPEED))
 
