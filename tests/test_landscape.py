@@ -133,6 +133,7 @@ def _batch_in_child(queue):
     queue.put([landscape.sum() for landscape in kernel_landscapes(STEREO, SHAPE, width=9.0)])
 
 
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
 @pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork on this system")
 def test_batches_work_in_a_forked_child_too():
     """The parent's worker threads do not exist in the child; it must not wait for them."""
