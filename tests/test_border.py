@@ -367,6 +367,19 @@ def test_an_out_that_overlaps_an_input_is_refused():
     np.testing.assert_array_equal(points, POINTS)
 
 
+@pytest.mark.parametrize("dtype", ["<f8", ">f8", "<f4"])
+@pytest.mark.parametrize("step", [1, -1, 3])
+def test_an_out_between_the_points_of_a_strided_input_overlaps_it(dtype, step):
+    memory = np.zeros(5000, dtype=np.uint8)
+    points = memory[:4800].view(dtype)[: 60 * abs(step)][::step].reshape(30, 2)
+    nbytes = 4 * SHAPE[0] * SHAPE[1]
+    last = (59 * abs(step) + 1) * np.dtype(dtype).itemsize
+    clear, touching = (memory[i : i + nbytes].view(np.float32).reshape(SHAPE) for i in (last, last - 4))
+    assert kernel_landscape(points, SHAPE, width=3.0, out=clear) is clear
+    with pytest.raises(motorprime.errors.ArgumentError, match="out overlaps an input"):
+        kernel_landscape(points, SHAPE, width=3.0, out=touching)
+
+
 def test_one_out_cannot_be_two_landscapes():
     out = np.zeros(SHAPE, dtype=np.float32)
     with pytest.raises(Error, match=r"out\[1\]"):

@@ -3,9 +3,12 @@
 //! A borrowed image is C-contiguous, aligned and in native byte order, whatever it was given as: anything
 //! else is copied first. Note that "contiguous" of the `numpy` crate means C *or* Fortran order.
 
+use std::ops::Range;
+
+use numpy::ndarray::Dimension;
 use numpy::{
-    Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyReadonlyArray2, PyReadwriteArray2,
-    PyUntypedArray, PyUntypedArrayMethods,
+    Element, PyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArray2,
+    PyReadwriteArray2, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -63,11 +66,11 @@ fn floats(argument: Argument, array: &Bound<'_, PyUntypedArray>) -> PyResult<Num
     check_float(&argument, array)?;
     if array.is_c_contiguous() && array.is_aligned() {
         let shape = array.shape().to_vec();
-        if let Ok(array) = array.cast::<numpy::PyArrayDyn<f64>>() {
+        if let Ok(array) = array.cast::<PyArrayDyn<f64>>() {
             let array = array.try_readonly().map_err(|_| busy(argument))?;
             return Ok(Numbers { values: array.as_slice()?.to_vec(), shape });
         }
-        if let Ok(array) = array.cast::<numpy::PyArrayDyn<f32>>() {
+        if let Ok(array) = array.cast::<PyArrayDyn<f32>>() {
             let array = array.try_readonly().map_err(|_| busy(argument))?;
             let values = array.as_slice()?.iter().map(|&x| f64::from(x)).collect();
             return Ok(Numbers { values, shape });
@@ -94,7 +97,7 @@ fn check_float(argument: &Argument, array: &Bound<'_, PyUntypedArray>) -> PyResu
 fn copied(array: &Bound<'_, PyUntypedArray>) -> PyResult<Numbers> {
     let copy = native::<f64>(array)?;
     let shape = array.shape().to_vec();
-    let copy = copy.cast_into::<numpy::PyArrayDyn<f64>>().map_err(PyErr::from)?;
+    let copy = copy.cast_into::<PyArrayDyn<f64>>().map_err(PyErr::from)?;
     let values = copy.try_readonly().map_err(PyErr::from)?.as_slice()?.to_vec();
     Ok(Numbers { values, shape })
 }
@@ -218,13 +221,10 @@ pub fn output<'py>(
     if !(array.is_c_contiguous() && array.is_aligned()) {
         return Err(wrong("one that is not contiguous in C order"));
     }
-    static SHARE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let memory = extent(array);
     for input in inputs {
-        if input.is_instance_of::<PyUntypedArray>() {
-            let share = SHARE.import(py, "numpy", "may_share_memory")?;
-            if share.call1((out, input))?.is_truthy()? {
-                return Err(Error::conflict(argument, "overlaps an input in memory").into());
-            }
+        if overlaps(out, &memory, input)? {
+            return Err(Error::conflict(argument, "overlaps an input in memory").into());
         }
     }
     match array.try_readwrite() {
@@ -232,6 +232,35 @@ pub fn output<'py>(
         Err(numpy::BorrowError::NotWriteable) => Err(wrong("one that is read-only")),
         Err(_) => Err(busy(argument)),
     }
+}
+
+/// Whether an input lies in memory between the first and the last byte of the output.
+fn overlaps(out: &Bound<'_, PyAny>, memory: &Range<usize>, input: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let other = if let Ok(array) = input.cast::<PyArrayDyn<f64>>() {
+        extent(array)
+    } else if let Ok(array) = input.cast::<PyArrayDyn<f32>>() {
+        extent(array)
+    } else if input.is_instance_of::<PyUntypedArray>() {
+        static SHARE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+        let share = SHARE.import(input.py(), "numpy", "may_share_memory")?;
+        return share.call1((out, input))?.is_truthy();
+    } else {
+        return Ok(false);
+    };
+    Ok(memory.start < other.end && other.start < memory.end)
+}
+
+/// The addresses from an array's first byte to its last.
+fn extent<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> Range<usize> {
+    let (mut first, mut last) = (array.data() as usize, array.data() as usize);
+    for (&size, &stride) in array.shape().iter().zip(array.strides()) {
+        if size == 0 {
+            return first..first;
+        }
+        let reach = (size - 1) * stride.unsigned_abs();
+        if stride < 0 { first -= reach } else { last += reach }
+    }
+    first..last + size_of::<T>()
 }
 
 /// A new array. NumPy allocates it, so that a lack of memory is Python's `MemoryError`.
