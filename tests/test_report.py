@@ -116,7 +116,7 @@ def test_the_report_says_what_was_saved_and_what_is_fair(tmp_path):
         "8 of 9",
         "would beat both for this very cheap detector",
         "attentional landscape",
-        "palm error mm",
+        "palm error [mm]",
         "1.25",
         "seed",
     ):

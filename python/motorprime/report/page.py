@@ -206,7 +206,7 @@ def _table(data: Mapping[str, Any]) -> str:
 
 def _details(data: Mapping[str, Any]) -> str:
     tables = "".join(
-        f"<h2>{title}</h2>\n<table>{rows}</table>\n"
+        f'<h2>{title}</h2>\n<table class="pairs">{rows}</table>\n'
         for title, rows in (
             ("As judged from outside", _pair_rows(data["judged"])),
             ("The run's settings", _pair_rows(data["meta"])),

@@ -15,6 +15,8 @@ OUTCOMES = {
     "running": "Still running, or killed.",
 }
 
+UNITS = ("m", "mm", "px", "rad", "s", "ms")
+
 
 def outcome_line(outcome: str) -> str:
     """An outcome as a sentence; unknown ones as they are."""
@@ -103,12 +105,18 @@ def note(data: Mapping[str, Any]) -> list[str]:
 
 
 def pairs(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Names and values as text; nested names are joined by dots."""
+    """Names and values as text; nested names are joined by dots, 'error_mm' becomes 'error [mm]'."""
     for name, value in values.items():
         if isinstance(value, Mapping):
             yield from pairs(value, f"{prefix}{name}.")
         else:
-            yield prefix + str(name).replace("_", " "), plain_text(value)
+            yield prefix + _with_unit(str(name)), plain_text(value)
+
+
+def _with_unit(name: str) -> str:
+    words, _, last = name.rpartition("_")
+    said = words.replace("_", " ")
+    return f"{said} [{last}]" if said and last in UNITS else name.replace("_", " ")
 
 
 def plain_text(value: Any) -> str:
