@@ -169,6 +169,12 @@ def test_cycles_without_a_landscape_are_reported(tmp_path):
     assert "<h1>" in record(tmp_path / "demo", cycles).read_text()
 
 
+def test_the_outside_judge_has_the_last_word(tmp_path):
+    text = record(tmp_path / "demo", synthetic_run.run()[:4], video=False, reached=False).read_text()
+    assert "judged from outside it is not" in text
+    assert 'class="outcome bad"' in text and "The hand reached" not in text
+
+
 def test_numbers_are_said_as_they_are():
     assert [factor(x) for x in (15.4, 2.04, 1.0, 0.5)] == [
         "15 times faster",

@@ -1,5 +1,7 @@
 """Pictures of attention: what is drawn where, and that nothing else is touched."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -192,6 +194,14 @@ def test_a_stereo_panel_shows_both_eyes():
     for half in (panel[:, :160], panel[:, -160:]):
         for colour in (WHITE, YELLOW, GREEN):
             assert like(half, colour, 60).any()
+
+
+def test_large_images_are_not_enlarged_and_make_no_huge_video():
+    cycle = synthetic_run.cycle(looks=False, path=False)
+    large = replace(cycle, images={c: np.zeros((480, 640, 3), np.uint8) for c in cycle.images})
+    assert stereo_panel(large).shape == (480, 1288, 3)
+    huge = replace(cycle, images={c: np.zeros((960, 1280, 3), np.uint8) for c in cycle.images})
+    assert video_frame(huge).shape[1] == 1288
 
 
 def test_a_cycle_without_a_landscape_or_a_path_is_drawn():

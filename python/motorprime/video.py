@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 RATE = 10  # frames, and vision cycles, per second
 HOLD = 1.0  # how long the last frame stays [s]
+WIDEST = 1288  # frame [px]: two eyes of 640 and a gap
 GREY: Colour = (150, 156, 168)
 DIM: Colour = (58, 64, 76)
 GOOD: Colour = (60, 214, 110)
@@ -147,6 +148,9 @@ def video_frame(cycle: Cycle, bystander: Picture | None = None, *, panel: Pictur
         (H, W, 3) uint8 RGB, both even.
     """
     eyes = stereo_panel(cycle) if panel is None else panel
+    if eyes.shape[1] > WIDEST:
+        height = round(eyes.shape[0] * WIDEST / eyes.shape[1])
+        eyes = cv2.resize(eyes, (WIDEST, height), interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
     width = eyes.shape[1]
     if bystander is None:
         low = figures(cycle, width)

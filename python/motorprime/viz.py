@@ -112,12 +112,12 @@ def draw_attention(
     return canvas
 
 
-def stereo_panel(cycle: Cycle, *, scale: int = 2, captions: bool = True) -> Picture:
+def stereo_panel(cycle: Cycle, *, scale: int | None = None, captions: bool = True) -> Picture:
     """What every eye saw in one vision cycle and where attention was, side by side.
 
     Args:
         cycle: of a task.
-        scale: enlargement of each image.
+        scale: enlargement of each image; None for 2, or 1 for images wider than 480 pixels.
         captions: say in each picture which camera, phase and time it is.
 
     Returns:
@@ -134,7 +134,7 @@ def stereo_panel(cycle: Cycle, *, scale: int = 2, captions: bool = True) -> Pict
                 hits=cycle.sight.searches[camera].hits if camera in cycle.sight.searches else None,
                 silhouette=_found(cycle, camera),
                 label=f"{camera} eye   {cycle.phase}   {cycle.time:.1f} s" if captions else None,
-                scale=scale,
+                scale=scale or (2 if image.shape[1] <= 480 else 1),
             )
             for camera, image in cycle.images.items()
         ]

@@ -111,10 +111,10 @@ def page(
 
 def _head(data: Mapping[str, Any]) -> str:
     outcome, reason = str(data["outcome"]), str(data["reason"])
-    kind = outcome_class(outcome)
+    kind = outcome_class(data)
     banner = ""
     if outcome in ("interrupted", "failed", "running"):
-        said = f"<b>This run was not completed.</b> {escape(outcome_line(outcome))}"
+        said = f"<b>This run was not completed.</b> {escape(outcome_line(data))}"
         said += f" {escape(reason[:1].upper() + reason[1:])}." if reason else ""
         banner = f'<div class="banner {kind}"><p>{said} The figures cover the cycles until then.</p></div>\n'
     why = f'<span class="reason">{escape(reason)}</span>' if reason and not banner else ""
@@ -125,7 +125,7 @@ def _head(data: Mapping[str, Any]) -> str:
     return (
         f'{banner}<p class="kicker">motorprime · motor-primed visual attention</p>\n'
         f"<h1>{escape(str(data['title']))}</h1>\n"
-        f'<p><span class="outcome {kind}">{escape(outcome_line(outcome))}</span>{why}</p>\n'
+        f'<p><span class="outcome {kind}">{escape(outcome_line(data))}</span>{why}</p>\n'
         f'<p class="headline">{_strong(headline(data))}</p>\n'
         f'<div class="numbers">{cards}</div>\n'
         f"<p>{escape(explanation())}</p>"

@@ -18,13 +18,21 @@ OUTCOMES = {
 UNITS = ("m", "mm", "px", "rad", "s", "ms")
 
 
-def outcome_line(outcome: str) -> str:
-    """An outcome as a sentence; unknown ones as they are."""
-    return OUTCOMES.get(outcome, outcome)
+def is_contradicted(data: Mapping[str, Any]) -> bool:
+    """Whether the robot believes that it succeeded and the outside judge does not."""
+    return data["outcome"] == "reached" and data["judged"].get("reached") is False
 
 
-def outcome_class(outcome: str) -> str:
+def outcome_line(data: Mapping[str, Any]) -> str:
+    """A run's outcome as a sentence; unknown ones as they are."""
+    if is_contradicted(data):
+        return "The robot takes its hand to be in place; judged from outside it is not."
+    return OUTCOMES.get(data["outcome"], str(data["outcome"]))
+
+
+def outcome_class(data: Mapping[str, Any]) -> str:
     """'good', 'bad' or '' for anything between."""
+    outcome = "missed" if is_contradicted(data) else str(data["outcome"])
     return {"reached": "good", "failed": "bad", "missed": "bad"}.get(outcome, "")
 
 
