@@ -274,13 +274,22 @@ class Reach:
         place = self.body.robot.aside
         if place is None:
             return
-        start = self._angles()
+        # Up, over and down: what stands on the table has not been seen yet.
+        angles = self._angles()
+        pose = self.solver.palm(angles)
         left = np.array([0.0, -1.0, 0.0])
-        posture = self.solver.solve(
-            np.array(place), left, start, hold=self.solver.rest, keep=self.body.robot.torso
-        )
-        targets = dict(zip(self.solver.names, (float(angle) for angle in posture), strict=True))
-        self.body.move(targets, max(1.0, float(np.abs(posture - start).max()) / GAZE_SPEED))
+        path = PalmPath(pose[:3, 3], np.array(place), left, duration=2.0, bulge=(0.06, 0.0, 0.2), run_up=0.0)
+        for time in np.arange(PERIOD, path.duration + PERIOD, PERIOD):
+            share = float(minimum_jerk(time / path.duration))
+            angles = self.solver.solve(
+                path.at(time),
+                _between(pose[:3, 2], left, share),
+                angles,
+                hold=angles + share * (self.solver.rest - angles),
+                facing_weight=0.5 * share,
+                keep=self.body.robot.torso,
+            )
+            self.body.move(dict(zip(self.solver.names, map(float, angles), strict=True)), PERIOD)
 
     def _turn_gaze(self, posture: Floats) -> None:
         robot = self.body.robot

@@ -1,0 +1,174 @@
+"""The command line: ``motorprime reach`` does the main job, ``motorprime evaluate NAME`` measures it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from . import __version__
+from .errors import Error
+
+app = typer.Typer(
+    help="Motor-primed visual attention: look only where the robot is going to move.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+evaluate = typer.Typer(
+    help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True
+)
+app.add_typer(evaluate, name="evaluate")
+
+out = Console()
+err = Console(stderr=True)
+
+Seed = Annotated[int, typer.Option(min=0, help="Draws everything; the same seed gives the same result.")]
+JsonFile = Annotated[
+    Path | None, typer.Option("--json", help="Write the figures to this file as JSON.", dir_okay=False)
+]
+
+
+def main() -> None:
+    """Run the command line; errors of the library are one line on stderr and exit code 2."""
+    try:
+        app()
+    except Error as error:
+        err.print(f"motorprime: {error}", style="red", markup=False, highlight=False)
+        sys.exit(2)
+
+
+def _version(value: bool) -> None:
+    if value:
+        out.print(f"motorprime {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def reach(
+    seed: Seed = 1,
+    name: Annotated[str | None, typer.Option(help="Name of the run's folder; default reach-SEED.")] = None,
+    runs: Annotated[Path, typer.Option(help="Folder that holds the runs.", file_okay=False)] = Path("runs"),
+    windows: Annotated[int, typer.Option(min=1, help="Windows per eye and vision cycle.")] = 50,
+    width: Annotated[
+        float | None, typer.Option(min=0.01, help="Kernel width of the motor plan [px]; default 40 at 320 x 240.")
+    ] = None,
+    size: Annotated[str, typer.Option(help="Images of the eyes, WIDTHxHEIGHT in pixels.")] = "320x240",
+    noise: Annotated[float, typer.Option(min=0.0, help="Noise of the eyes' sensors [grey levels].")] = 2.0,
+    clutter: Annotated[int, typer.Option(min=0, max=6, help="Other kitchenware on the table.")] = 4,
+    glass: Annotated[bool, typer.Option(help="Whether the glass stands on the table at all.")] = True,
+    video: Annotated[bool, typer.Option(help="Write a video of the run.")] = True,
+    gui: Annotated[bool, typer.Option("--gui", help="Watch in pybullet's window.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the result as JSON on stdout, everything else on stderr.")
+    ] = False,
+) -> None:
+    """Let the simulated iCub find a red glass and reach for it, looking only where it matters.
+
+    The robot starts in a random posture, searches the glass with windows over its reachable space, turns its
+    gaze there, plans the hand's path, and moves with a fresh look along the plan at every vision cycle. A scan
+    of the full images runs beside every cycle, for comparison only.
+
+    Leaves runs/NAME/ with report.html (open it in a browser), video.webm and result.json.
+
+    Exit code: 0 when the palm arrived, 1 when it did not, 2 for an error, 130 when interrupted.
+    """
+    from .demo import ReachOptions, run_reach
+
+    options = ReachOptions(
+        seed=seed,
+        name=name or f"reach-{seed}",
+        runs=runs,
+        windows=windows,
+        width=width,
+        size=_size(size),
+        noise=noise,
+        clutter=clutter,
+        glass=glass,
+        video=video,
+        gui=gui,
+    )
+    result = run_reach(options, err if as_json else out)
+    if as_json:
+        sys.stdout.write(json.dumps(result, indent=2) + "\n")
+    if result["outcome"] == "interrupted":
+        raise typer.Exit(130)
+    raise typer.Exit(0 if result.get("judged", {}).get("reached") else 1)
+
+
+def _size(text: str) -> tuple[int, int]:
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdigit() and int(part) > 0 for part in parts):
+        raise typer.BadParameter(f"'{text}' is not WIDTHxHEIGHT, e.g. 640x480", param_hint="--size")
+    return int(parts[0]), int(parts[1])
+
+
+@evaluate.command("projection")
+def _projection(
+    poses: Annotated[int, typer.Option(min=1, help="Random postures.")] = 200,
+    seed: Seed = 0,
+    json_file: JsonFile = None,
+) -> None:
+    """Rendered balls: segmented centroid against the projected outline's centre, in pixels."""
+    from .evaluate.projection import evaluate_projection
+
+    _report("projection", evaluate_projection(_robot(), poses=poses, seed=seed, progress=_bars()), json_file)
+
+
+@evaluate.command("search")
+def _search(
+    scenes: Annotated[int, typer.Option(min=1, help="Scenes for each size of glass.")] = 100,
+    seed: Seed = 0,
+    json_file: JsonFile = None,
+) -> None:
+    """Cycles to find the glass: peripersonal windows, windows anywhere, and one full scan."""
+    from .evaluate.search import evaluate_search
+
+    _report("search", evaluate_search(_robot(), scenes=scenes, seed=seed, progress=_bars()), json_file)
+
+
+@evaluate.command("reach")
+def _reach(
+    trials: Annotated[int, typer.Option(min=1, help="Reaches from random starts.")] = 20,
+    seed: Seed = 0,
+    json_file: JsonFile = None,
+) -> None:
+    """How often the palm ends within 1 cm of the true pre-grasp point."""
+    from .evaluate.reach import evaluate_reach
+
+    _report("reach", evaluate_reach(_robot(), trials=trials, seed=seed, progress=_bars()), json_file)
+
+
+def _robot() -> Any:
+    from .sim.icub import load_icub
+
+    return load_icub()
+
+
+def _bars() -> Any:
+    from .evaluate.common import Progress
+
+    return Progress(err)
+
+
+def _report(name: str, result: dict[str, Any], json_file: Path | None) -> None:
+    from .evaluate.common import table, write_json
+
+    out.print(table(f"evaluate {name}", {k: v for k, v in result.items() if k != "details"}))
+    if json_file is not None:
+        write_json(json_file, result)
+        err.print(f"wrote {json_file}", markup=False, highlight=False)

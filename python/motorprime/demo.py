@@ -1,0 +1,172 @@
+"""``motorprime reach``: stage a trial, show it live, record it, and say what attention saved."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from .errors import ArgumentError
+from .recording import Recording, fresh_folder
+from .sim.bystander import Bystander
+from .sim.icub import load_icub
+from .tasks.reach import Cycle, Settings
+from .tasks.trial import Trial, Verdict
+
+PHASES = {
+    "search": "searching the space within reach",
+    "fixate": "looking at the glass",
+    "reach": "reaching, eyes on the planned path",
+}
+
+
+@dataclass(frozen=True)
+class ReachOptions:
+    """What ``motorprime reach`` was asked for; see its ``--help``."""
+
+    seed: int
+    name: str
+    runs: Path
+    windows: int
+    width: float | None
+    size: tuple[int, int]
+    noise: float
+    clutter: int
+    glass: bool
+    video: bool
+    gui: bool
+
+
+def run_reach(options: ReachOptions, console: Console) -> dict[str, Any]:
+    """Run one reach and write its folder; returns what result.json holds."""
+    folder = fresh_folder(options.runs, options.name)
+    window = min(20, *options.size)
+    if min(options.size) < 20:
+        raise ArgumentError(f"size: {options.size[0]}x{options.size[1]} is smaller than a window of 20 px")
+    settings = Settings(windows=options.windows, size=window, width=options.width)
+    console.print(f"Building the scene from seed {options.seed} ...", highlight=False)
+    robot = load_icub().with_image_size(*options.size)
+    interrupted = False
+    with Trial(
+        robot,
+        options.seed,
+        settings=settings,
+        glass=options.glass,
+        clutter=options.clutter,
+        noise=options.noise,
+        gui=options.gui,
+    ) as trial:
+        bystander = Bystander(trial.stage.world).capture if options.video else None
+        recording = Recording(
+            folder,
+            title="Motor-primed attention: an iCub reaches for a glass",
+            meta={**asdict(options), "runs": str(options.runs), "robot": robot.name},
+            video=options.video,
+            bystander=bystander,
+        )
+        with contextlib.suppress(KeyboardInterrupt), recording:
+            interrupted = True
+            _drive(trial, recording, console)
+            interrupted = False
+    result: dict[str, Any] = json.loads((folder / "result.json").read_text())
+    if interrupted:
+        console.print("Interrupted; the run's folder says so.", style="yellow")
+    else:
+        _conclude(result, console)
+    console.print(f"Report: {recording.report}", markup=False, highlight=False, soft_wrap=True)
+    return result
+
+
+def _drive(trial: Trial, recording: Recording, console: Console) -> None:
+    scene = trial.stage.scene
+    with Live(console=console, refresh_per_second=8, transient=True) as live:
+        for cycle in trial.task.run():
+            truth = None if scene.glass is None else scene.glass_pose()[0]
+            recording.add(cycle, truth=truth)
+            live.update(_status(cycle, len(recording.history)))
+        live.update(Text("Writing the report ..."))
+        verdict = trial.judge()
+        recording.finish(verdict.outcome, verdict.reason, _judged(verdict))
+
+
+def _judged(verdict: Verdict) -> dict[str, Any]:
+    return {
+        "reached": verdict.reached,
+        "palm_error_m": verdict.palm_error_m,
+        "glass_error_m": verdict.glass_error_m,
+        "touched": list(verdict.touched),
+    }
+
+
+def _status(cycle: Cycle, count: int) -> Group:
+    """The live display: what the robot does, and what the last cycle cost."""
+    attended = 1e3 * sum(cycle.seconds.values())
+    found = "seen" if cycle.sight.located is not None else "not seen"
+    lines = [
+        f"cycle {count:3d}   {cycle.time:5.1f} s   {PHASES[cycle.phase]}",
+        f"looked at {cycle.sight.attended:4.0%} of the pixels in {attended:5.1f} ms; glass {found}",
+    ]
+    if cycle.full is not None:
+        lines.append(f"the full scan beside it took {1e3 * cycle.full.seconds:5.1f} ms")
+    if cycle.goal is not None:
+        lines.append(f"palm {100 * float(((cycle.palm - cycle.goal) ** 2).sum()) ** 0.5:4.1f} cm from its goal")
+    return Group(*(Text(line) for line in lines))
+
+
+def _conclude(result: dict[str, Any], console: Console) -> None:
+    """The closing words and the table of times."""
+    judged = result["judged"]
+    if judged.get("reached"):
+        console.print(
+            f"Reached: the palm is {1e3 * judged['palm_error_m']:.1f} mm from the true pre-grasp point, "
+            f"the glass was located to {1e3 * judged['glass_error_m']:.1f} mm.",
+            style="green",
+            highlight=False,
+        )
+    else:
+        console.print(f"{result['outcome'].capitalize()}: {result['reason']}", style="yellow", markup=False)
+    if judged.get("touched"):
+        console.print(f"On its way the robot touched: {', '.join(judged['touched'])}.", style="yellow")
+    console.print(_times(result))
+
+
+def _times(summary: dict[str, Any]) -> Table:
+    table = Table(title="Time per vision cycle, both eyes [ms]", title_justify="left")
+    table.add_column("stage")
+    table.add_column("attended", justify="right")
+    table.add_column("full frame", justify="right")
+    full = summary["full_frame_ms"]
+    for stage, times in summary["stages_ms"].items():
+        beside = _ms(full) if stage == "detection" else ""
+        table.add_row(stage, _ms(times), beside)
+    table.add_section()
+    table.add_row("whole cycle", _ms(summary["attended_ms"]), _ms(full))
+    fraction = summary["attended_fraction"]
+    table.add_row(
+        "pixels looked at", "-" if fraction is None else f"{fraction['median']:.0%}", "100%" if full else "-"
+    )
+    located = summary["located"]
+    cycles = summary["cycles"]["total"]
+    table.add_row(
+        "cycles with the glass located",
+        f"{located['attended']} of {cycles}",
+        "-" if located["full_frame"] is None else f"{located['full_frame']} of {cycles}",
+    )
+    if summary["speed_up"] is not None:
+        table.add_row("speed-up", f"{summary['speed_up']:.1f}x", "")
+    table.caption = (
+        "Medians. A back-projection of the full images, good for plain colours only, takes "
+        f"{_ms(summary['back_projection_ms'])} ms: attention pays for detectors that cost more."
+    )
+    return table
+
+
+def _ms(times: dict[str, float] | None) -> str:
+    return "-" if times is None else f"{times['median']:.2f}"
