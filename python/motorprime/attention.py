@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from ._arrays import Floats
 from .detectors.base import Mask, Windows
 from .errors import StateError
 from .landscape import KernelName, gaussian_landscape, gibbs_sample, threshold
-from .kinematics import Floats
 from .motorplan import motorplan_landscape, pixel_landscapes
 from .peripersonal import ProjectedGaussian, ReachCloud, covered, fit_peripersonal
 from .projection import Projection

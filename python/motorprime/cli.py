@@ -20,9 +20,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-evaluate = typer.Typer(
-    help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True
-)
+evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
 app.add_typer(evaluate, name="evaluate")
 
 out = Console()
@@ -65,7 +63,8 @@ def reach(
     runs: Annotated[Path, typer.Option(help="Folder that holds the runs.", file_okay=False)] = Path("runs"),
     windows: Annotated[int, typer.Option(min=1, help="Windows per eye and vision cycle.")] = 50,
     width: Annotated[
-        float | None, typer.Option(min=0.01, help="Kernel width of the motor plan [px]; default 40 at 320 x 240.")
+        float | None,
+        typer.Option(min=0.01, help="Kernel width of the plan [px]; default 40 at 320 x 240."),
     ] = None,
     size: Annotated[str, typer.Option(help="Images of the eyes, WIDTHxHEIGHT in pixels.")] = "320x240",
     noise: Annotated[float, typer.Option(min=0.0, help="Noise of the eyes' sensors [grey levels].")] = 2.0,

@@ -145,9 +145,7 @@ class _Seen:
         if drawn is None:
             return np.inf
         common = int(cv2.countNonZero(drawn & self.mask))
-        return (
-            self.area - common + MISSING_WEIGHT * (int(cv2.countNonZero(drawn)) - common)
-        ) / self.area
+        return (self.area - common + MISSING_WEIGHT * (int(cv2.countNonZero(drawn)) - common)) / self.area
 
 
 def _meet(views: list[PosedCamera], pixels: list[Floats]) -> Floats | None:
@@ -161,7 +159,7 @@ def _meet(views: list[PosedCamera], pixels: list[Floats]) -> Floats | None:
         vector += across @ origin
     if np.linalg.cond(matrix) > 1e7:
         return None
-    point = np.linalg.solve(matrix, vector)
+    point = np.asarray(np.linalg.solve(matrix, vector), dtype=np.float64)
     ahead = all(view.depth(point[None])[0] > 0.02 for view in views)
     return point if ahead else None
 

@@ -116,7 +116,9 @@ def _status(cycle: Cycle, count: int) -> Group:
     if cycle.full is not None:
         lines.append(f"the full scan beside it took {1e3 * cycle.full.seconds:5.1f} ms")
     if cycle.goal is not None:
-        lines.append(f"palm {100 * float(((cycle.palm - cycle.goal) ** 2).sum()) ** 0.5:4.1f} cm from its goal")
+        lines.append(
+            f"palm {100 * float(((cycle.palm - cycle.goal) ** 2).sum()) ** 0.5:4.1f} cm from its goal"
+        )
     return Group(*(Text(line) for line in lines))
 
 

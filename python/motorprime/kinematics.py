@@ -39,7 +39,8 @@ def transform(rotation: ArrayLike, translation: ArrayLike) -> Floats:
 
 def apply(pose: Floats, points: Floats) -> Floats:
     """Points (N, 3) [m] of the frame ``pose`` (4, 4), in the frame that ``pose`` is given in: (N, 3)."""
-    return points @ pose[:3, :3].T + pose[:3, 3]
+    moved: Floats = points @ pose[:3, :3].T + pose[:3, 3]
+    return moved
 
 
 def invert(pose: Floats) -> Floats:
@@ -179,7 +180,9 @@ class Chain:
     def _checked(self, angles: ArrayLike) -> Floats:
         q = numbers("angles", angles)
         if q.ndim == 0 or q.shape[-1] != len(self.names):
-            raise ArgumentError(f"angles: last axis of {len(self.names)} {self.names} expected, got shape {q.shape}")
+            raise ArgumentError(
+                f"angles: last axis of {len(self.names)} {self.names} expected, got shape {q.shape}"
+            )
         return finite("angles", q)
 
 

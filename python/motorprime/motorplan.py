@@ -12,9 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
-from ._arrays import rows
+from ._arrays import Floats, rows
 from .errors import ArgumentError, NotInViewError
-from .kinematics import Floats
 from .landscape import KernelName, kernel_landscape
 from .projection import Projection
 
@@ -102,7 +101,7 @@ def pixel_landscapes(
 def _widths(
     points: Floats, projection: Projection, joints: npt.ArrayLike | None, camera: str, metres: float
 ) -> Floats:
-    """Width (N,) [px] of ``metres`` across the line of sight at each point: how far a step of it moves the pixel.
+    """Width (N,) [px] of ``metres`` across the line of sight at each point.
 
     Taken as the root of the projection's area scale, so that no direction is preferred; this needs nothing
     from the projection but projecting.
@@ -117,4 +116,5 @@ def _widths(
     ]
     jacobian = np.stack(moved, axis=-1) / (2.0 * step)  # (N, 2, 3) [px/m]
     gram = jacobian @ jacobian.transpose(0, 2, 1)
-    return metres * np.linalg.det(gram) ** 0.25
+    widths: Floats = metres * np.linalg.det(gram) ** 0.25
+    return widths

@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from ._arrays import Floats
 from .errors import ArgumentError, NotInViewError
-from .kinematics import Floats, apply
+from .kinematics import apply
 from .projection import Projection
 from .robot import Robot
 
@@ -21,7 +22,7 @@ MIN_DEPTH = 0.05
 """Points nearer to a camera [m] are left out: their projections explode."""
 EXTENT = 3.0
 """Points count that project into this many image sizes, centred on the image. A fit to all points in front
-of the camera is useless: its sigma exceeds 300 px, because a near point may project thousands of pixels away."""
+of the camera is useless: its sigma exceeds 300 px, because a near point may land thousands of pixels away."""
 MIN_INSIDE = 50
 """With fewer points inside the image, the reachable space is not in view."""
 
@@ -53,9 +54,7 @@ class ReachCloud:
         points: (size, 3) [m] in the chest's frame.
     """
 
-    def __init__(
-        self, robot: Robot, *, size: int = 4000, seed: int | np.random.Generator | None = 0
-    ) -> None:
+    def __init__(self, robot: Robot, *, size: int = 4000, seed: int | np.random.Generator | None = 0) -> None:
         if size < MIN_INSIDE:
             raise ArgumentError(f"size: at least {MIN_INSIDE} points expected, got {size}")
         self.robot = robot
@@ -71,7 +70,9 @@ class ReachCloud:
         return apply(chain.forward(self.robot.urdf_angles(chain.names, posture)), self.points)
 
 
-def fit_gaussian(pixels: Floats, depths: Floats, shape: tuple[int, int], *, camera: str = "") -> ProjectedGaussian:
+def fit_gaussian(
+    pixels: Floats, depths: Floats, shape: tuple[int, int], *, camera: str = ""
+) -> ProjectedGaussian:
     """Gaussian (Eq. 2, 3) of a projected cloud.
 
     Args:
@@ -94,7 +95,7 @@ def fit_gaussian(pixels: Floats, depths: Floats, shape: tuple[int, int], *, came
             f"project into its image, at least {MIN_INSIDE} are needed; look elsewhere"
         )
     points = pixels[kept]
-    factor = np.linalg.cholesky(np.cov(points.T) + 1e-6 * np.eye(2))
+    factor = np.asarray(np.linalg.cholesky(np.cov(points.T) + 1e-6 * np.eye(2)), dtype=np.float64)
     return ProjectedGaussian(points.mean(axis=0), factor[[0, 1, 1], [0, 0, 1]], inside)
 
 

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._arrays import fixed
+from ._arrays import Floats, fixed
 from .camera import Camera
 from .errors import ArgumentError, StateError
-from .kinematics import Chain, Floats, KinematicTree, rotation_from_rpy, transform
+from .kinematics import Chain, KinematicTree, rotation_from_rpy, transform
 
 
 @dataclass(frozen=True)
@@ -133,11 +133,14 @@ class Robot:
         return np.array([self.rest.get(name, mid) for name, mid in zip(variables, middle, strict=True)])
 
     def urdf_angles(self, names: tuple[str, ...], joints: Floats) -> Floats:
-        """Angles (n,) [rad] of the URDF joints ``names`` for a gaze posture ``joints``, couplings resolved."""
+        """Angles (n,) [rad] of URDF joints at a gaze posture, couplings resolved."""
         value = dict(zip(self.gaze, joints, strict=True))
         return np.array(
             [
-                sum(factor * value[variable] for variable, factor in self.couplings.get(name, {name: 1.0}).items())
+                sum(
+                    factor * value[variable]
+                    for variable, factor in self.couplings.get(name, {name: 1.0}).items()
+                )
                 for name in names
             ]
         )
@@ -158,21 +161,31 @@ ICUB = Robot(
     root="root_link",
     chest="chest",
     gaze=(
-        "torso_pitch", "torso_roll", "torso_yaw", "neck_pitch", "neck_roll", "neck_yaw",
-        "eyes_tilt", "eyes_version", "eyes_vergence",
+        "torso_pitch",
+        "torso_roll",
+        "torso_yaw",
+        "neck_pitch",
+        "neck_roll",
+        "neck_yaw",
+        "eyes_tilt",
+        "eyes_version",
+        "eyes_vergence",
     ),
     torso=("torso_pitch", "torso_roll", "torso_yaw"),
     arm=(
-        "r_shoulder_pitch", "r_shoulder_roll", "r_shoulder_yaw", "r_elbow",
-        "r_wrist_prosup", "r_wrist_pitch", "r_wrist_yaw",
+        "r_shoulder_pitch",
+        "r_shoulder_roll",
+        "r_shoulder_yaw",
+        "r_elbow",
+        "r_wrist_prosup",
+        "r_wrist_pitch",
+        "r_wrist_yaw",
     ),
     cameras={"left": CameraMount("l_eye", _EYE), "right": CameraMount("r_eye", _EYE)},
     # The hand's Denavit-Hartenberg frame of iCubGazeboV2_5, on the wrist's last link.
     palm=Palm(
         "r_hand",
-        transform(
-            rotation_from_rpy((-np.pi / 2, -np.pi / 12, np.pi)), (-0.0576543, -0.0055568, 0.0136938)
-        ),
+        transform(rotation_from_rpy((-np.pi / 2, -np.pi / 12, np.pi)), (-0.0576543, -0.0055568, 0.0136938)),
     ),
     couplings={
         "l_eye_pan": {"eyes_version": 1.0, "eyes_vergence": 0.5},
@@ -182,12 +195,15 @@ ICUB = Robot(
     around_eyes=("head",),
     guarded={"r_elbow_1": 0.055, "r_wrist_1": 0.055},
     parked={
-        "l_shoulder_pitch": 0.15, "l_shoulder_roll": 0.35, "l_shoulder_yaw": 0.8, "l_wrist_prosup": 0.8,
+        "l_shoulder_pitch": 0.15,
+        "l_shoulder_roll": 0.35,
+        "l_shoulder_yaw": 0.8,
+        "l_wrist_prosup": 0.8,
         "l_thumb_opposition_joint": 1.2,
         "r_thumb_opposition_joint": 0.8,
     },
     aside=(-0.10, 0.34, 0.06),
-    rest={name: 0.0 for name in ("torso_pitch", "torso_roll", "torso_yaw", "neck_roll", "neck_yaw")},
+    rest=dict.fromkeys(("torso_pitch", "torso_roll", "torso_yaw", "neck_roll", "neck_yaw"), 0.0),
 )
 """The iCub's gaze and right arm. Joint ranges are those of iCubGazeboV2_5 and of the simulator's eyes; the
 cameras are the simulator's: 320 x 240, f = 257.34 px, centre (160, 120)."""

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -13,6 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 
 from .errors import ArgumentError, StateError
+from .silence import silenced
 from .viz import (
     BLUE,
     INK,
@@ -108,7 +105,7 @@ class VideoWriter(NoVideo):
         self._writer = None
 
     def _open(self, size: tuple[int, int]) -> cv2.VideoWriter:
-        with _quiet():
+        with silenced(2):  # past every log level it prints that WebM has no tag for VP8, which needs none
             code = cv2.VideoWriter_fourcc(*"VP80")  # type: ignore[attr-defined]
             writer = cv2.VideoWriter(str(self.path), code, self.rate, size)
         if not writer.isOpened():
@@ -116,24 +113,6 @@ class VideoWriter(NoVideo):
                 f"video: cannot write {self.path} as WebM (VP8) with this OpenCV; try without a video"
             )
         return writer
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """OpenCV prints, past every log level, that WebM has no tag for VP8; it needs none."""
-    sys.stderr.flush()
-    try:
-        kept = os.dup(2)
-    except OSError:  # no standard error: nothing to silence
-        yield
-        return
-    try:
-        with Path(os.devnull).open("w") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
 
 
 def video_frame(cycle: Cycle, bystander: Picture | None = None, *, panel: Picture | None = None) -> Picture:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .._arrays import fixed
+from .._arrays import Floats, fixed
 from ..errors import UnreachableError
-from ..kinematics import Floats, apply, invert
+from ..kinematics import apply, invert
 from ..robot import Robot
 from .solver import solve_bounded
 
@@ -34,7 +34,7 @@ def fixate(
     Raises:
         UnreachableError: the joint limits do not let every camera look there.
     """
-    posture = robot.gaze_posture(joints).copy()
+    posture: Floats = robot.gaze_posture(joints).copy()
     target = fixed("point", point, (3,))
     moving = move or tuple(name for name in robot.gaze if name not in robot.torso)
     columns = [robot.gaze.index(name) for name in moving]
@@ -55,7 +55,8 @@ def fixate(
     remaining = float(np.abs(offsets(solution)).max())
     if remaining > tolerance:
         raise UnreachableError(
-            f"gaze: the eyes cannot turn to {np.round(target, 3)}; {np.rad2deg(remaining):.0f} deg are missing"
+            f"gaze: the eyes cannot turn to {np.round(target, 3)} m; "
+            f"{np.rad2deg(remaining):.0f} deg are missing"
         )
     posture[columns] = solution
     return posture

@@ -7,13 +7,13 @@ from itertools import product
 
 import numpy as np
 
+from .._arrays import Floats
 from ..cylinder import Cylinder
 from ..errors import ArgumentError
-from ..kinematics import Floats
 
 
 def minimum_jerk(phase: Floats | float) -> Floats:
-    """Fraction of the way at a fraction ``phase`` of the time: 10 t^3 - 15 t^4 + 6 t^5 (Flash and Hogan, 1985)."""
+    """Fraction of the way at a fraction t of the time: 10 t^3 - 15 t^4 + 6 t^5 (Flash and Hogan, 1985)."""
     t = np.clip(phase, 0.0, 1.0)
     return np.asarray(t**3 * (10.0 + t * (6.0 * t - 15.0)))
 
@@ -48,12 +48,13 @@ class PalmPath:
         bulge = np.array(self.bulge)
         leave = self.start + 0.25 * (self.goal - self.start) + bulge
         arrive = self.goal - self.run_up * self.facing + 0.5 * bulge
-        return (
+        places: Floats = (
             (1 - s) ** 3 * self.start
             + 3 * s * (1 - s) ** 2 * leave
             + 3 * s**2 * (1 - s) * arrive
             + s**3 * self.goal
         )
+        return places
 
     def ahead(self, time: float, count: int = 50) -> Floats:
         """The way that is left after ``time`` [s]: (count, 3) [m], evenly spread in time."""

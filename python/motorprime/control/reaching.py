@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .._arrays import Floats
 from ..errors import UnreachableError
-from ..kinematics import Chain, Floats, apply
+from ..kinematics import Chain, apply
 from ..robot import Robot
 from .solver import solve_bounded
 
@@ -25,7 +26,7 @@ HAND = np.array(
         [0.0, 0.0, -0.04], [-0.01, -0.06, 0.0], [-0.01, -0.09, 0.045], [-0.04, -0.03, -0.02],
     ]
 )  # fmt: skip
-"""Fingertips, edges and back of the hand and the thumb in the palm's frame [m]: HAND_CLEARANCE above the bench."""
+"""Fingertips, edges, back and thumb in the palm's frame [m]: HAND_CLEARANCE above the bench."""
 HAND_CLEARANCE = 0.01
 ABOVE = 400.0  # per metre that a point of the arm dips below its clearance over the table
 AZIMUTHS = np.deg2rad(np.arange(-20.0, 101.0, 15.0))  # of the palm's facing: 0 to the left, 90 straight ahead
@@ -107,7 +108,9 @@ class ReachSolver:
                 if error > tolerance or turned < np.cos(np.deg2rad(15.0)) or self._sinks(angles) > 0.02:
                     continue
                 cost = float(np.sum((self.comfort * (angles - self.rest)) ** 2))
-                cost += (LEVEL * pose[2, 0]) ** 2 + (FACING * (1.0 - turned)) ** 2 + 25.0 * self._sinks(angles)
+                cost += (
+                    (LEVEL * pose[2, 0]) ** 2 + (FACING * (1.0 - turned)) ** 2 + 25.0 * self._sinks(angles)
+                )
                 if best is None or cost < best[0]:
                     best = (cost, Pregrasp(angles, facing))
         if best is None:

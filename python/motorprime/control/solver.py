@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .._arrays import Floats
 from ..errors import MissingExtraError
-from ..kinematics import Floats
 
 
 def solve_bounded(

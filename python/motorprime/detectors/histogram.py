@@ -185,9 +185,7 @@ class HistogramDetector:
         if isinstance(where, Windows):
             return where.corners((height, width))
         if min(height, width) < self.window:
-            raise ArgumentError(
-                f"image: {width} x {height} is smaller than the window of {self.window} px"
-            )
+            raise ArgumentError(f"image: {width} x {height} is smaller than the window of {self.window} px")
         us = np.arange(0, width - self.window + 1, self.stride)
         vs = np.arange(0, height - self.window + 1, self.stride)
         grid = np.stack(np.meshgrid(us, vs), axis=-1).reshape(-1, 2)
@@ -220,7 +218,8 @@ class HistogramDetector:
         attended: NDArray[np.bool_],
     ) -> tuple[Silhouette, ...]:
         """Grow a silhouette from each hit that no earlier one explains, the best hits first."""
-        claimed = np.zeros(image.shape[:2], dtype=np.bool_)
+        height, width = image.shape[:2]
+        claimed = np.zeros((height, width), dtype=np.bool_)
         found: list[Silhouette] = []
         for k in np.argsort(-scores, kind="stable"):
             u, v = (int(x) for x in corners[k])
@@ -228,7 +227,7 @@ class HistogramDetector:
                 continue
             silhouette = self._grow(image, (u, v), size, float(scores[k]), attended)
             if silhouette is not None and silhouette.area >= self.min_area:
-                claimed |= silhouette.paint(claimed.shape)
+                claimed |= silhouette.paint((height, width))
                 found.append(silhouette)
         return tuple(sorted(found, key=lambda s: -s.area))
 
@@ -246,9 +245,7 @@ class HistogramDetector:
         while True:
             region = self._back_project(_hsv(image[v0:v1, u0:u1]))
             _, labels, stats, centroids = cv2.connectedComponentsWithStats(region, connectivity=4)
-            inside = labels[
-                corner[1] - v0 : corner[1] - v0 + size, corner[0] - u0 : corner[0] - u0 + size
-            ]
+            inside = labels[corner[1] - v0 : corner[1] - v0 + size, corner[0] - u0 : corner[0] - u0 + size]
             counts = np.bincount(inside.ravel(), minlength=len(stats))
             counts[0] = 0
             if not counts.any():
@@ -269,7 +266,7 @@ class HistogramDetector:
         return Silhouette(
             mask=labels[top : top + h, left : left + w] == best,
             corner=(u0 + left, v0 + top),
-            centroid=np.array(centroids[best]) + (u0, v0),
+            centroid=np.add(centroids[best], (u0, v0)),
             score=score,
         )
 

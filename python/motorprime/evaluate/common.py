@@ -36,7 +36,9 @@ class Progress:
             TimeRemainingColumn(),
         )
         with Bars(*columns, console=self._console) as bars:
-            yield from bars.track(items, total=len(items) if isinstance(items, Sized) else None, description=what)
+            yield from bars.track(
+                items, total=len(items) if isinstance(items, Sized) else None, description=what
+            )
 
 
 def table(title: str, result: Mapping[str, Any]) -> Table:

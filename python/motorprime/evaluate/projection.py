@@ -90,7 +90,9 @@ def _one_pose(
             area = np.pi * (RADIUS * views[name].camera.fx / views[name].depth(place[None])[0]) ** 2
             if len(rows) < 0.93 * area:
                 break
-            offsets.append(float(np.linalg.norm([columns.mean() - centres[name][0], rows.mean() - centres[name][1]])))
+            offsets.append(
+                float(np.linalg.norm([columns.mean() - centres[name][0], rows.mean() - centres[name][1]]))
+            )
         if len(offsets) == len(frames):
             return offsets
     raise StateError("posture: no random one has the ball fully visible in both eyes")

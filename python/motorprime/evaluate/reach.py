@@ -43,6 +43,7 @@ def evaluate_reach(
         "median_error_m": float(np.median(errors)) if errors else None,
         "max_error_m": float(np.max(errors)) if errors else None,
         "details": [
-            {"outcome": v.outcome, "palm_error_m": v.palm_error_m, "touched": list(v.touched)} for v in verdicts
+            {"outcome": v.outcome, "palm_error_m": v.palm_error_m, "touched": list(v.touched)}
+            for v in verdicts
         ],
     }

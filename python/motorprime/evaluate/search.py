@@ -50,7 +50,9 @@ def evaluate_search(
         trials = []
         target = target_of(glass)
         for i in progress.over(range(scenes), f"searching, {name} glass"):
-            trials.append(_scene(robot, cloud, glass, target, np.random.default_rng([seed, k, i]), LIMITS[name]))
+            trials.append(
+                _scene(robot, cloud, glass, target, np.random.default_rng([seed, k, i]), LIMITS[name])
+            )
         results[name] = _summary(trials, LIMITS[name])
     return {"seed": seed, **results["normal"], "small": results["small"]}
 
@@ -64,7 +66,7 @@ def _scene(
     limit: int,
 ) -> dict[str, Any]:
     layout = draw_layout(generator, glass=glass)
-    with Stage(robot, layout, seed=generator.integers(2**31)) as stage:
+    with Stage(robot, layout, seed=int(generator.integers(2**31))) as stage:
         frames = strike_seeing_posture(stage, generator)
         joints = stage.world.gaze()
         truth, centre = stage.truth(frames), stage.scene.glass_pose()[0]

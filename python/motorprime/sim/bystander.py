@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .._arrays import Floats
 from ..camera import Camera, PosedCamera
-from ..kinematics import Floats, transform
+from ..kinematics import transform
 from .cameras import Light, render
 from .meshes import write_sphere
 from .world import World, pybullet
@@ -34,7 +35,9 @@ class Bystander:
     would cost the software renderer a third of its time for nothing.
     """
 
-    def __init__(self, world: World, *, size: tuple[int, int] = (640, 480), light: Light | None = None) -> None:
+    def __init__(
+        self, world: World, *, size: tuple[int, int] = (640, 480), light: Light | None = None
+    ) -> None:
         self.world = world
         self.light = light or Light(shadow=True)
         width, height = size

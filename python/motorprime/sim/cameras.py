@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._arrays import Floats
 from ..camera import Camera, PosedCamera
 from ..errors import ArgumentError
-from ..kinematics import Floats, invert
-from .world import BulletClient, World, pybullet
+from ..kinematics import invert
+from .world import World, pybullet
 
 NEAR, FAR = 0.02, 8.0
 
@@ -69,7 +71,7 @@ def projection_matrix(camera: Camera) -> list[float]:
     return [float(value) for value in matrix.T.ravel()]
 
 
-def render(bullet: BulletClient, view: PosedCamera, *, light: Light | None = None) -> Frame:
+def render(bullet: Any, view: PosedCamera, *, light: Light | None = None) -> Frame:
     """Render one view of a pybullet client's world."""
     light = light or Light()
     camera = view.camera

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..kinematics import Floats, rotation_from_rpy, transform
+from .._arrays import Floats
+from ..kinematics import rotation_from_rpy, transform
 from ..robot import ICUB
 from .meshes import write_lathe
 

@@ -185,7 +185,15 @@ def _massive_link(robot: ET.Element, name: str) -> None:
 
 
 def _revolute(
-    robot: ET.Element, name: str, parent: str, child: str, xyz: str, rpy: str, axis: str, low: float, high: float
+    robot: ET.Element,
+    name: str,
+    parent: str,
+    child: str,
+    xyz: str,
+    rpy: str,
+    axis: str,
+    low: float,
+    high: float,
 ) -> None:
     joint = ET.SubElement(robot, "joint", name=name, type="revolute")
     ET.SubElement(joint, "parent", link=parent)

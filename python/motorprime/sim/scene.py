@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .._arrays import Floats
 from ..errors import StateError
-from ..kinematics import Floats
 from .meshes import write_lathe, write_plane
 from .world import World, pybullet
 
@@ -179,9 +179,7 @@ class Scene:
 
 
 def _mesh(world: World, path: Path, rgb: Sequence[float]) -> int:
-    return int(
-        world.bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(path), rgbaColor=[*rgb, 1])
-    )
+    return int(world.bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(path), rgbaColor=[*rgb, 1]))
 
 
 def _body(
@@ -193,7 +191,10 @@ def _body(
 ) -> int:
     return int(
         world.bullet.createMultiBody(
-            baseMass=mass, baseVisualShapeIndex=visual, baseCollisionShapeIndex=collision, basePosition=list(at)
+            baseMass=mass,
+            baseVisualShapeIndex=visual,
+            baseCollisionShapeIndex=collision,
+            basePosition=list(at),
         )
     )
 
@@ -242,7 +243,13 @@ def _build_room(world: World, folder: Path, generator: np.random.Generator) -> i
     )
     bullet.changeDynamics(table, -1, lateralFriction=0.8)
     _paint(world, table, folder / "top.png", wood)
-    near, far, left, right, low = TABLE_X[1], TABLE_X[0], TABLE_Y[0], TABLE_Y[1], TABLE_HEIGHT - TABLE_THICKNESS
+    near, far, left, right, low = (
+        TABLE_X[1],
+        TABLE_X[0],
+        TABLE_Y[0],
+        TABLE_Y[1],
+        TABLE_HEIGHT - TABLE_THICKNESS,
+    )
     edge = (wood * 0.6).astype(np.uint8)
     # corner, edge along, edge up: seen from the side of along x up
     surfaces = {
@@ -258,7 +265,9 @@ def _build_room(world: World, folder: Path, generator: np.random.Generator) -> i
     }
     for name, (corner, along, up, texture) in surfaces.items():
         mesh = write_plane(folder / f"{name}.obj", corner, along, up)
-        _paint(world, _body(world, _mesh(world, mesh, (1, 1, 1)), -1, (0, 0, 0)), folder / f"{name}.png", texture)
+        _paint(
+            world, _body(world, _mesh(world, mesh, (1, 1, 1)), -1, (0, 0, 0)), folder / f"{name}.png", texture
+        )
     stand = write_lathe(folder / "stand.obj", ((0.16, -0.75), (0.05, -0.73), (0.05, -0.12)))
     _body(world, _mesh(world, stand, (0.3, 0.32, 0.35)), -1, (0, 0, 0))
     return table
@@ -272,13 +281,14 @@ def _paint(world: World, body: int, path: Path, texture: NDArray[np.uint8]) -> N
 
 def _smooth_noise(generator: np.random.Generator, cells: tuple[int, int], size: tuple[int, int]) -> Floats:
     coarse = generator.uniform(-1.0, 1.0, cells)
-    fine: Floats = cv2.resize(coarse, size[::-1], interpolation=cv2.INTER_CUBIC)
-    return fine
+    return np.asarray(cv2.resize(coarse, size[::-1], interpolation=cv2.INTER_CUBIC), dtype=np.float64)
 
 
 def _wood(generator: np.random.Generator) -> NDArray[np.uint8]:
     """Planks with grain, in a dull brown."""
-    grain = _smooth_noise(generator, (128, 4), (256, 256)) + 0.5 * _smooth_noise(generator, (256, 12), (256, 256))
+    grain = _smooth_noise(generator, (128, 4), (256, 256)) + 0.5 * _smooth_noise(
+        generator, (256, 12), (256, 256)
+    )
     base = np.array([146.0, 126.0, 104.0]) + generator.uniform(-12, 12, 3)
     return np.clip(base + 10.0 * grain[..., None], 0, 255).astype(np.uint8)
 

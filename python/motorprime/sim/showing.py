@@ -13,7 +13,7 @@ from .bystander import looking_at
 from .cameras import Light, render
 from .meshes import write_lathe
 from .scene import Glass
-from .world import BulletClient, pybullet
+from .world import connect, pybullet
 
 _LIGHTS = (
     Light(),
@@ -25,7 +25,7 @@ _FROM = ((0.3, 0.0, 0.2), (0.25, 0.2, 0.3), (0.2, -0.2, 0.1))
 
 def show_glass(glass: Glass) -> NDArray[np.uint8]:
     """Pixels (N, 3) uint8 RGB of a glass on its own: what the robot knows of its target's colour."""
-    bullet = BulletClient(pybullet.DIRECT)
+    bullet = connect()
     try:
         with tempfile.TemporaryDirectory(prefix="motorprime-") as folder:
             half = glass.height / 2

@@ -9,21 +9,33 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
+from .._arrays import Floats
 from ..errors import ArgumentError, MissingExtraError
-from ..kinematics import Floats, transform
+from ..kinematics import transform
 from ..robot import Robot
+from ..silence import silenced
 
 try:
-    import pybullet
-    from pybullet_utils.bullet_client import BulletClient
+    with silenced(1, 2):  # it announces its build time
+        import pybullet
+        from pybullet_utils.bullet_client import BulletClient
 except ImportError:  # pragma: no cover - tested in an environment without the extra
     raise MissingExtraError("the simulator (pybullet has wheels for CPython 3.10 and 3.11)", "sim") from None
 
+__all__ = ["STEP", "World", "connect", "pybullet"]
+
 STEP = 1.0 / 240.0
 POSITION_GAIN = 0.25
+
+
+def connect(*, gui: bool = False) -> Any:
+    """A new pybullet client; pybullet's own words on standard output are swallowed."""
+    with silenced(1):
+        return BulletClient(pybullet.GUI if gui else pybullet.DIRECT)
 
 
 class World:
@@ -36,7 +48,7 @@ class World:
 
     def __init__(self, robot: Robot, *, gui: bool = False) -> None:
         self.robot = robot
-        self.bullet = BulletClient(pybullet.GUI if gui else pybullet.DIRECT)
+        self.bullet = connect(gui=gui)
         self.time = 0.0
         self.bullet.setGravity(0, 0, -9.81)
         self.bullet.setTimeStep(STEP)
@@ -157,9 +169,7 @@ class World:
         if index < 0:
             place, turn = self.bullet.getBasePositionAndOrientation(self.body)
             inertial = self.bullet.getDynamicsInfo(self.body, -1)[3:5]
-            place, turn = self.bullet.multiplyTransforms(
-                place, turn, *self.bullet.invertTransform(*inertial)
-            )
+            place, turn = self.bullet.multiplyTransforms(place, turn, *self.bullet.invertTransform(*inertial))
         else:
             state = self.bullet.getLinkState(self.body, index, computeForwardKinematics=1)
             place, turn = state[4], state[5]

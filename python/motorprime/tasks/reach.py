@@ -1,4 +1,4 @@
-"""The main job: find the glass, look at it, plan, and bring the palm before it, looking only where it matters.
+"""The main job: find the glass, plan, and bring the palm before it, looking only where it matters.
 
 The task is a generator of :class:`Cycle`: whoever drives it may show, record or stop it at any cycle. It
 sees and moves through :class:`Body` alone.
@@ -13,13 +13,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .._arrays import Floats
 from ..attention import Attention, Look
 from ..control.gaze import fixate
 from ..control.path import PalmPath, minimum_jerk, plan_path
 from ..control.reaching import Bench, Pregrasp, ReachSolver
 from ..cylinder import Located
-from ..errors import NotInViewError, UnreachableError
-from ..kinematics import Floats
+from ..errors import ArgumentTypeError, NotInViewError, UnreachableError
+from ..projection import PosedProjection
 from .body import Body
 from .explore import Finder, Sight, Target, everywhere, windows_from
 from .timing import Clock, Stages
@@ -57,7 +58,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class FullFrame:
-    """The full-frame scan beside a cycle: its time [s], the cheap back-projection's, and where it found the target."""
+    """The full-frame scan beside a cycle: its time [s], a back-projection's, and what it located."""
 
     seconds: float
     back_projection: float
@@ -127,6 +128,9 @@ class Reach:
         clock: Clock = time.perf_counter,
     ) -> None:
         self.body, self.target, self.attention = body, target, attention
+        if not isinstance(attention.projection, PosedProjection):
+            raise ArgumentTypeError("attention: locating a shape needs a projection with camera poses")
+        self.projection: PosedProjection = attention.projection
         self.settings = settings or Settings()
         self.solver = ReachSolver(body.robot, bench)
         self.generator = np.random.default_rng(seed)
@@ -141,7 +145,10 @@ class Reach:
         """The cycles, until :attr:`outcome` is known."""
         yield from self._search()
         if self.estimate is None:
-            self._end("not found", f"no glass in {self.settings.postures} postures of {self.settings.patience} cycles")
+            self._end(
+                "not found",
+                f"no glass in {self.settings.postures} postures of {self.settings.patience} cycles",
+            )
             return
         yield from self._fixate()
         try:
@@ -213,7 +220,7 @@ class Reach:
         before: Mapping[str, int],
         path: Floats | None = None,
     ) -> Cycle:
-        views = self.attention.projection.posed(joints)
+        views = self.projection.posed(joints)
         with self.stages.time("sampling"):
             where = windows_from(looks, self.settings.windows, self.settings.size, self.generator)
         sight = self.finder.look(images, views, where)
@@ -229,7 +236,7 @@ class Reach:
             palm=self._palm(),
             seconds=self._since(before),
             path=path,
-            path_pixels={} if path is None else self.attention.projection.project(path, joints),
+            path_pixels={} if path is None else self.projection.project(path, joints),
             estimate=None if self.estimate is None else self.estimate.copy(),
             goal=self.pregrasp.point(self.estimate) if self.pregrasp and self.estimate is not None else None,
             full=self._full_frame(images, joints) if self.settings.compare else None,
@@ -244,12 +251,12 @@ class Reach:
 
     def _full_frame(self, images: Mapping[str, NDArray[np.uint8]], joints: Floats) -> FullFrame:
         beside = Finder(self.target, Stages(self.clock))
-        views = self.attention.projection.posed(joints)
+        views = self.projection.posed(joints)
         start = self.clock()
         for image in images.values():
             self.target.detector.back_project(image)
         cheap = self.clock() - start
-        sight = beside.look(images, views, everywhere(self.attention.projection.shapes))
+        sight = beside.look(images, views, everywhere(self.projection.shapes))
         return FullFrame(beside.stages.seconds["detection"][0], cheap, sight.located)
 
     def _look_elsewhere(self) -> None:
@@ -279,10 +286,10 @@ class Reach:
         pose = self.solver.palm(angles)
         left = np.array([0.0, -1.0, 0.0])
         path = PalmPath(pose[:3, 3], np.array(place), left, duration=2.0, bulge=(0.06, 0.0, 0.2), run_up=0.0)
-        for time in np.arange(PERIOD, path.duration + PERIOD, PERIOD):
-            share = float(minimum_jerk(time / path.duration))
+        for moment in np.arange(PERIOD, path.duration + PERIOD, PERIOD):
+            share = float(minimum_jerk(moment / path.duration))
             angles = self.solver.solve(
-                path.at(time),
+                path.at(moment),
                 _between(pose[:3, 2], left, share),
                 angles,
                 hold=angles + share * (self.solver.rest - angles),
@@ -346,7 +353,9 @@ class Reach:
             posture = fixate(robot, joints, self.estimate)
         except UnreachableError:
             return targets
-        return targets | {name: float(posture[k]) for k, name in enumerate(robot.gaze) if name not in robot.torso}
+        return targets | {
+            name: float(posture[k]) for k, name in enumerate(robot.gaze) if name not in robot.torso
+        }
 
     def _reach_cycle(self, path: PalmPath, elapsed: float) -> Cycle:
         assert self.estimate is not None
@@ -358,7 +367,7 @@ class Reach:
         plan = np.vstack([ahead, grasp])
         before = self._mark()
         with self.stages.time("projection"):
-            pixels = self.attention.projection.project(plan, joints)
+            pixels = self.projection.project(plan, joints)
         try:
             with self.stages.time("landscape"):
                 looks = self.attention.motor_plan_from(pixels, width=self.settings.width)

@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .._arrays import Floats
 from ..camera import PosedCamera
 from ..cylinder import Cylinder, outline
 from ..detectors import HistogramDetector
 from ..errors import StateError
-from ..kinematics import Floats
 from ..projection import KinematicProjection
 from ..robot import Robot
 from ..sim.cameras import Eyes, Frame, Light
@@ -102,7 +102,7 @@ def outline_area(view: PosedCamera, centre: Floats, cylinder: Cylinder) -> float
 
 
 def random_posture(robot: Robot, generator: np.random.Generator) -> Floats:
-    """A gaze posture (len(robot.gaze),) [rad]: neck and eyes over their whole ranges, the torso near upright."""
+    """A gaze posture (len(robot.gaze),) [rad]: neck and eyes anywhere, the torso near upright."""
     limits = robot.limits(robot.gaze)
     drawn = generator.uniform(limits[:, 0], limits[:, 1])
     torso = [robot.gaze.index(name) for name in robot.torso]
@@ -110,7 +110,9 @@ def random_posture(robot: Robot, generator: np.random.Generator) -> Floats:
     return drawn
 
 
-def strike_seeing_posture(stage: Stage, generator: np.random.Generator, *, visible: float = 0.6) -> Mapping[str, Frame]:
+def strike_seeing_posture(
+    stage: Stage, generator: np.random.Generator, *, visible: float = 0.6
+) -> Mapping[str, Frame]:
     """Put the robot in a random posture that has at least ``visible`` of the glass in both eyes.
 
     Returns:
@@ -133,7 +135,7 @@ def strike_seeing_posture(stage: Stage, generator: np.random.Generator, *, visib
 
 
 def strike_start(stage: Stage, generator: np.random.Generator, *, clearance: float = 0.03) -> None:
-    """Put the robot in a random start: gaze and arm drawn, the hand above the table, off everything by ``clearance``.
+    """Put the robot in a random start: gaze and arm drawn, the hand above the table and off everything.
 
     Raises:
         StateError: none was found.

@@ -12,9 +12,9 @@ from ..control.reaching import Bench
 from ..peripersonal import ReachCloud
 from ..robot import Robot
 from ..sim.scene import TABLE_HEIGHT, TABLE_X, Glass, draw_layout
-from .body import SimulatedBody
 from .explore import Target
 from .reach import Reach, Settings
+from .simulated import SimulatedBody
 from .staging import Stage, strike_start, target_of
 
 BENCH = Bench(height=TABLE_HEIGHT, edge=TABLE_X[1])
@@ -73,7 +73,11 @@ class Trial:
     ) -> None:
         generator = np.random.default_rng(seed)
         self.stage = Stage(
-            robot, draw_layout(generator, clutter=clutter), noise=noise, seed=int(generator.integers(2**31)), gui=gui
+            robot,
+            draw_layout(generator, clutter=clutter),
+            noise=noise,
+            seed=int(generator.integers(2**31)),
+            gui=gui,
         )
         if not glass:
             self.stage.scene.remove_glass()
