@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import MissingExtraError
+from ..errors import MissingExtraError, StateError
 from ..kinematics import apply, invert, rotation_from_rpy, transform
 from ..robot import ICUB, Robot
 from .hand import add_hand, palm_frame, write_phalanges
@@ -40,6 +40,7 @@ def load_icub(cache: Path | None = None) -> Robot:
 
     Raises:
         MissingExtraError: icub-models or the mesh tools are not installed.
+        StateError: the cache cannot be written.
     """
     return ICUB.with_urdf(compose(cache))
 
@@ -50,26 +51,36 @@ def compose(cache: Path | None = None) -> Path:
         version = importlib.metadata.version("icub-models")
     except importlib.metadata.PackageNotFoundError:
         raise MissingExtraError("the simulated iCub", "sim") from None
-    base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "motorprime"
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "motorprime"
     folder = (cache or base) / f"icub-{_fingerprint(version)}"
     if not (folder / "icub.urdf").exists():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        # Composed aside and renamed, so that a killed or a parallel run never leaves half a robot.
-        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".composing-") as aside:
-            built = Path(aside) / "model"
-            built.mkdir()
-            _compose_into(built)
-            try:
-                built.rename(folder)
-            except OSError:
-                if not (folder / "icub.urdf").exists():
-                    shutil.rmtree(folder, ignore_errors=True)
-                    built.rename(folder)
+        try:
+            _compose_aside(folder)
+        except OSError as error:
+            raise StateError(f"cache: cannot write into {folder.parent}: {error.strerror}") from None
     return folder / "icub.urdf"
 
 
+def _compose_aside(folder: Path) -> None:
+    """Compose beside ``folder`` and rename, so that a killed or a parallel run never leaves half a robot."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".composing-") as aside:
+        built = Path(aside) / "model"
+        built.mkdir()
+        _compose_into(built)
+        try:
+            built.rename(folder)
+        except OSError:
+            if not (folder / "icub.urdf").exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                built.rename(folder)
+
+
 def _fingerprint(version: str) -> str:
-    sources = [Path(__file__), Path(__file__).with_name("hand.py"), Path(__file__).with_name("meshes.py")]
+    here = Path(__file__).parent
+    # robot.py has the palm's frame, which the fingers stand on.
+    names = ("icub.py", "hand.py", "meshes.py", "../robot.py", "../kinematics.py")
+    sources = [here / name for name in names]
     text = version.encode() + b"".join(source.read_bytes() for source in sources)
     return hashlib.sha256(text).hexdigest()[:12]
 
