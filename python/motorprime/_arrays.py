@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import operator
+
 import numpy as np
 import numpy.typing as npt
 
@@ -59,3 +61,28 @@ def fixed(name: str, value: npt.ArrayLike, shape: tuple[int, ...]) -> Floats:
     if array.shape != shape:
         raise ArgumentError(f"{name}: expected shape {shape}, got {array.shape}")
     return finite(name, array)
+
+
+def integer(name: str, value: object, *, at_least: int) -> int:
+    """Return ``value`` as an int; a bool or a float is an :class:`ArgumentTypeError`."""
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        raise ArgumentTypeError(f"{name}: expected an integer, got {value!r}")
+    number = operator.index(value)
+    if number < at_least:
+        raise ArgumentError(f"{name}: expected an integer >= {at_least}, got {number}")
+    return number
+
+
+def positive(name: str, value: object) -> float:
+    """Return ``value`` as a finite float > 0."""
+    number = float(fixed(name, value, ()))  # type: ignore[arg-type]
+    if number <= 0.0:
+        raise ArgumentError(f"{name}: expected a number > 0, got {number}")
+    return number
+
+
+def generator(seed: int | np.random.Generator | None) -> np.random.Generator:
+    """NumPy's generator of a seed: an int >= 0, a generator, which is used as it is, or None."""
+    if seed is not None and not isinstance(seed, np.random.Generator):
+        seed = integer("seed", seed, at_least=0)
+    return np.random.default_rng(seed)

@@ -7,7 +7,6 @@ Pixels are (u, v), u to the right and v down, pixel centres at integers, so that
 from __future__ import annotations
 
 import math
-import operator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
@@ -15,7 +14,7 @@ from os import PathLike
 import numpy as np
 import numpy.typing as npt
 
-from motorprime._arrays import Floats, finite, fixed, image_shape, numbers, rows
+from motorprime._arrays import Floats, finite, fixed, image_shape, integer, numbers, rows
 from motorprime.errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
 from motorprime.lens import Lens
 
@@ -50,7 +49,7 @@ class Camera:
     def __post_init__(self) -> None:
         """Check every field and convert it to a plain int, float or tuple."""
         for name in ("width", "height"):
-            object.__setattr__(self, name, _integer(name, getattr(self, name), at_least=0))
+            object.__setattr__(self, name, integer(name, getattr(self, name), at_least=0))
         if (self.width == 0) != (self.height == 0):
             raise ArgumentError(
                 "width, height: expected both >= 1, or both 0 for an unknown size, "
@@ -99,8 +98,8 @@ class Camera:
         angle = float(fixed("fov", fov, ()))
         if not 0.0 < angle < math.pi:
             raise ArgumentError(f"fov: expected radians between 0 and pi, got {angle}")
-        width = _integer("width", width, at_least=1)
-        height = _integer("height", height, at_least=1)
+        width = integer("width", width, at_least=1)
+        height = integer("height", height, at_least=1)
         focal = (width if axis == "horizontal" else height) / 2.0 / math.tan(angle / 2.0)
         return cls(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
 
@@ -192,8 +191,8 @@ class Camera:
     def crop(self, u0: int, v0: int, width: int, height: int) -> Camera:
         """Return the camera of ``image[v0:v0 + height, u0:u0 + width]``, which must lie inside the image."""
         tall, wide = self.shape
-        u0, v0 = _integer("u0", u0, at_least=0), _integer("v0", v0, at_least=0)
-        width, height = _integer("width", width, at_least=1), _integer("height", height, at_least=1)
+        u0, v0 = integer("u0", u0, at_least=0), integer("v0", v0, at_least=0)
+        width, height = integer("width", width, at_least=1), integer("height", height, at_least=1)
         if u0 + width > wide or v0 + height > tall:
             raise ArgumentError(
                 f"u0, v0, width, height: expected a window inside {wide} x {tall} px, "
@@ -211,7 +210,7 @@ class Camera:
         if isinstance(size, (tuple, list)):
             if len(size) != 2:
                 raise ArgumentError(f"size: expected a factor or (width, height), got {size!r}")
-            width, height = (_integer("size", value, at_least=1) for value in size)
+            width, height = (integer("size", value, at_least=1) for value in size)
         else:
             factor = float(fixed("size", size, ()))
             width, height = round(wide * factor), round(tall * factor)
@@ -315,12 +314,3 @@ def sphere_outline_centre(camera: Camera, centre: npt.ArrayLike, radius: float) 
         )
     stretch = z / (z * z - r * r)
     return np.array([camera.fx * x * stretch + camera.cx, camera.fy * y * stretch + camera.cy])
-
-
-def _integer(name: str, value: object, *, at_least: int) -> int:
-    if isinstance(value, bool) or not hasattr(value, "__index__"):
-        raise ArgumentTypeError(f"{name}: expected an integer, got {value!r}")
-    number = operator.index(value)
-    if number < at_least:
-        raise ArgumentError(f"{name}: expected an integer >= {at_least}, got {number}")
-    return number

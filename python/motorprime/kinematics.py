@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._arrays import Floats, finite, numbers
+from ._arrays import Floats, finite, fixed, numbers
 from .errors import ArgumentError
 
 
 def rotation_from_rpy(rpy: ArrayLike) -> Floats:
     """Rotation matrix (3, 3) of URDF's roll, pitch, yaw [rad]: R_z(yaw) R_y(pitch) R_x(roll)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    angles = fixed("rpy", rpy, (3,))
+    (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
     return np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
@@ -49,32 +50,34 @@ def invert(pose: Floats) -> Floats:
     return transform(rotation, -rotation @ pose[:3, 3])
 
 
-def _numbers(text: str) -> Floats:
-    return np.array([float(word) for word in text.split()])
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Joint:
     """One joint of a URDF tree: ``origin`` (4, 4) of the child's frame in the parent's at angle zero."""
 
     name: str
+    kind: str
     parent: str
     child: str
     origin: Floats
     axis: Floats
-    moves: bool
     lower: float
     upper: float
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has an angle."""
+        return self.kind != "fixed"
 
 
 class KinematicTree:
     """The joints of one URDF file.
 
     Args:
-        path: a URDF file with revolute, continuous and fixed joints.
+        path: a URDF file. Chains run over its revolute, continuous and fixed joints; others may be in it,
+            a gripper's sliding fingers for example.
 
     Raises:
-        ArgumentError: the file is missing, is no URDF, or has a joint type that is not supported.
+        ArgumentError: the file is missing or is no URDF; the message names the joint.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -85,35 +88,55 @@ class KinematicTree:
             raise ArgumentError(f"urdf: no such file: {self.path}") from None
         except ET.ParseError as error:
             raise ArgumentError(f"urdf: {self.path} is not XML: {error}") from None
-        joints = [self._joint(element) for element in root.findall("joint")]
-        self.joints: dict[str, Joint] = {joint.name: joint for joint in joints}
-        self._above: dict[str, Joint] = {joint.child: joint for joint in joints}
+        except OSError as error:
+            raise ArgumentError(f"urdf: cannot read {self.path}: {error.strerror}") from None
+        if root.tag != "robot":
+            raise ArgumentError(f"urdf: {self.path} holds a <{root.tag}>, a <robot> expected")
+        self.joints: dict[str, Joint] = {}
+        self._above: dict[str, Joint] = {}
+        for joint in map(self._joint, root.findall("joint")):
+            if joint.name in self.joints or joint.child in self._above:
+                raise ArgumentError(
+                    f"urdf: joint '{joint.name}' or its child '{joint.child}' comes twice in {self.path}"
+                )
+            self.joints[joint.name] = self._above[joint.child] = joint
         self.links: tuple[str, ...] = tuple(link.get("name", "") for link in root.findall("link"))
 
     def _joint(self, element: ET.Element) -> Joint:
-        name, kind = element.get("name", ""), element.get("type", "")
-        if kind not in ("revolute", "continuous", "fixed"):
-            raise ArgumentError(
-                f"urdf: joint '{name}' of {self.path} is '{kind}'; known: revolute, continuous, fixed"
-            )
-        origin, axis, limit = element.find("origin"), element.find("axis"), element.find("limit")
-        place = {} if origin is None else origin.attrib
-        direction = np.array([1.0, 0.0, 0.0]) if axis is None else _numbers(axis.get("xyz", "1 0 0"))
-        bounds = {} if limit is None else limit.attrib
+        name = element.get("name", "")
+
+        def read(tag: str, key: str, default: str) -> Floats:
+            part = element.find(tag)
+            text = default if part is None else part.get(key, default)
+            try:
+                values = np.array([float(word) for word in text.split()])
+            except ValueError:
+                values = np.array([np.nan])
+            if len(values) != len(default.split()) or not np.isfinite(values).all():
+                raise ArgumentError(
+                    f"urdf: joint '{name}' of {self.path} has {tag} {key}=\"{text}\"; "
+                    f'finite numbers as in "{default}" expected'
+                )
+            return values
+
+        direction = read("axis", "xyz", "1 0 0")
+        length = float(np.linalg.norm(direction))
+        if length == 0.0 and element.get("type") != "fixed":  # some exporters write 0 0 0 for fixed ones
+            raise ArgumentError(f"urdf: joint '{name}' of {self.path} has an axis of length 0")
         parent, child = element.find("parent"), element.find("child")
         if parent is None or child is None:
             raise ArgumentError(f"urdf: joint '{name}' of {self.path} has no parent or no child")
         return Joint(
             name=name,
+            kind=element.get("type", ""),
             parent=parent.get("link", ""),
             child=child.get("link", ""),
             origin=transform(
-                rotation_from_rpy(_numbers(place.get("rpy", "0 0 0"))), _numbers(place.get("xyz", "0 0 0"))
+                rotation_from_rpy(read("origin", "rpy", "0 0 0")), read("origin", "xyz", "0 0 0")
             ),
-            axis=direction / np.linalg.norm(direction),
-            moves=kind != "fixed",
-            lower=float(bounds.get("lower", -np.pi)),
-            upper=float(bounds.get("upper", np.pi)),
+            axis=direction / (length or 1.0),
+            lower=float(read("limit", "lower", f"{-np.pi}")[0]),
+            upper=float(read("limit", "upper", f"{np.pi}")[0]),
         )
 
     def chain(self, base: str, tip: str) -> Chain:
@@ -126,8 +149,16 @@ class KinematicTree:
         while link != base:
             if link not in self._above:
                 raise ArgumentError(f"link '{tip}' does not hang below '{base}' in {self.path.name}")
-            path.append(self._above[link])
-            link = path[-1].parent
+            joint = self._above[link]
+            if joint.kind not in ("revolute", "continuous", "fixed"):
+                raise ArgumentError(
+                    f"urdf: joint '{joint.name}' between '{base}' and '{tip}' in {self.path.name} is "
+                    f"'{joint.kind}'; known: revolute, continuous, fixed"
+                )
+            if joint in path:
+                raise ArgumentError(f"urdf: joint '{joint.name}' in {self.path.name} closes a loop")
+            path.append(joint)
+            link = joint.parent
         return Chain(tuple(reversed(path)))
 
 
@@ -174,8 +205,8 @@ class Chain:
             places.append(pose[:3, 3])
             pose = pose @ turn.by(q[k])
         pose = pose @ self._end
-        z = np.array(axes)
-        return pose, np.vstack([np.cross(z, pose[:3, 3] - np.array(places)).T, z.T])
+        z, levers = np.reshape(axes, (-1, 3)), pose[:3, 3] - np.reshape(places, (-1, 3))
+        return pose, np.vstack([np.cross(z, levers).T, z.T])
 
     def _checked(self, angles: ArrayLike) -> Floats:
         q = numbers("angles", angles)

@@ -125,7 +125,7 @@ class Robot:
                 rows.append((self.tree.joints[name].lower, self.tree.joints[name].upper))
             else:
                 raise ArgumentError(f"robot '{self.name}' has no variable '{name}'")
-        return np.array(rows, dtype=np.float64)
+        return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
     def resting(self, variables: tuple[str, ...]) -> Floats:
         """Preferred posture (n,) [rad] of variables."""
@@ -133,17 +133,22 @@ class Robot:
         return np.array([self.rest.get(name, mid) for name, mid in zip(variables, middle, strict=True)])
 
     def urdf_angles(self, names: tuple[str, ...], joints: Floats) -> Floats:
-        """Angles (n,) [rad] of URDF joints at a gaze posture, couplings resolved."""
+        """Angles (n,) [rad] of URDF joints at a gaze posture, couplings resolved.
+
+        Raises:
+            ArgumentError: a joint depends on a variable that is not one of :attr:`gaze`.
+        """
         value = dict(zip(self.gaze, joints, strict=True))
-        return np.array(
-            [
-                sum(
-                    factor * value[variable]
-                    for variable, factor in self.couplings.get(name, {name: 1.0}).items()
-                )
-                for name in names
-            ]
-        )
+        angles = np.zeros(len(names))
+        for k, name in enumerate(names):
+            for variable, factor in self.couplings.get(name, {name: 1.0}).items():
+                if variable not in value:
+                    raise ArgumentError(
+                        f"gaze: robot '{self.name}' has joint '{name}' on the way to a camera or the chest, "
+                        f"which needs '{variable}'; the variables are {self.gaze}"
+                    )
+                angles[k] += factor * value[variable]
+        return angles
 
     def gaze_posture(self, joints: ArrayLike) -> Floats:
         """``joints`` checked: (len(gaze),) float64 [rad], finite; else ArgumentError."""

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._arrays import Floats, fixed
-from ..errors import UnreachableError
+from ..errors import ArgumentError, UnreachableError
 from ..kinematics import apply, invert
 from ..robot import Robot
 from .solver import solve_bounded
@@ -32,11 +32,15 @@ def fixate(
         tolerance: largest remaining angle [rad] between an optical axis and the point.
 
     Raises:
+        ArgumentError: ``move`` is empty or names an unknown variable.
         UnreachableError: the joint limits do not let every camera look there.
     """
     posture: Floats = robot.gaze_posture(joints).copy()
     target = fixed("point", point, (3,))
-    moving = move or tuple(name for name in robot.gaze if name not in robot.torso)
+    moving = tuple(name for name in robot.gaze if name not in robot.torso) if move is None else tuple(move)
+    unknown = [name for name in moving if name not in robot.gaze]
+    if unknown or not moving:
+        raise ArgumentError(f"move: some of {robot.gaze} expected, got {moving}")
     columns = [robot.gaze.index(name) for name in moving]
     limits, rest = robot.limits(moving), robot.resting(moving)
 
