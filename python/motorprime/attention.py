@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ._arrays import Floats
 from .detectors.base import Mask, Windows
-from .errors import StateError
+from .errors import ArgumentError, NotInViewError, StateError
 from .landscape import KernelName, gaussian_landscape, gibbs_sample, threshold
 from .motorplan import motorplan_landscape, pixel_landscapes
 from .peripersonal import ProjectedGaussian, ReachCloud, covered, fit_peripersonal
@@ -88,12 +88,25 @@ class Attention:
     def peripersonal_from(
         self, gaussians: Mapping[str, ProjectedGaussian], *, mixing: float = 1.0
     ) -> dict[str, Look]:
-        """The second half of :meth:`peripersonal`: landscapes of the Gaussians of each camera."""
+        """The second half of :meth:`peripersonal`: landscapes of the Gaussians of each camera.
+
+        Raises:
+            ArgumentError: a Gaussian of a camera that the projection does not have.
+            NotInViewError: every Gaussian's ellipse lies outside its image.
+        """
         shapes = self.projection.shapes
-        return {
-            camera: Look(gaussian_landscape(fit.mean, fit.chol, shapes[camera], mixing=mixing))
-            for camera, fit in gaussians.items()
-        }
+        unknown = [camera for camera in gaussians if camera not in shapes]
+        if unknown:
+            raise ArgumentError(f"gaussians: unknown camera '{unknown[0]}'; there are {', '.join(shapes)}")
+        looks = _seen(
+            {
+                camera: gaussian_landscape(fit.mean, fit.chol, shapes[camera], mixing=mixing)
+                for camera, fit in gaussians.items()
+            }
+        )
+        if not looks:
+            raise NotInViewError("the reachable space's ellipse lies outside every camera's image")
+        return looks
 
     def gaussians(self, joints: npt.ArrayLike) -> dict[str, ProjectedGaussian]:
         """The Gaussians (Eq. 2, 3) behind :meth:`peripersonal`."""

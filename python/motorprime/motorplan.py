@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
-from ._arrays import Floats, rows
-from .errors import ArgumentError, NotInViewError
+from ._arrays import Floats, numbers, positive, rows
+from .errors import ArgumentError, ArgumentTypeError, NotInViewError
 from .landscape import KernelName, kernel_landscape
 from .projection import Projection
 
@@ -60,6 +60,7 @@ def motorplan_landscape(
     pixels = projection.project(points, joints)
     if metres is None:
         return pixel_landscapes(pixels, projection.shapes, width=width, kernel=kernel)
+    metres = positive("metres", metres)
     widths = {camera: _widths(points, projection, joints, camera, metres) for camera in pixels}
     return pixel_landscapes(pixels, projection.shapes, width=widths, kernel=kernel)
 
@@ -80,11 +81,21 @@ def pixel_landscapes(
         kernel: 'triangular' or 'gaussian'.
 
     Raises:
+        ArgumentError: an unknown camera, or pixels of another shape.
         NotInViewError: only NaN rows in every camera.
     """
     landscapes = {}
-    for camera, places in pixels.items():
+    for camera, given in pixels.items():
+        if camera not in shapes:
+            raise ArgumentError(f"pixels: unknown camera '{camera}'; there are {', '.join(shapes)}")
+        places = numbers(f"pixels['{camera}']", given)
+        if places.ndim != 2 or places.shape[1] != 2:
+            raise ArgumentError(f"pixels['{camera}']: expected shape (N, 2), got {places.shape}")
+        if isinstance(given, np.ndarray) and given.dtype.kind != "f":
+            raise ArgumentTypeError(f"pixels['{camera}']: float pixels expected, got {given.dtype}")
         ahead = np.isfinite(places).all(axis=1)
+        if isinstance(width, Mapping):
+            ahead &= ~np.isnan(width[camera])
         if not ahead.any():
             continue
         size: float | Floats
@@ -104,10 +115,8 @@ def _widths(
     """Width (N,) [px] of ``metres`` across the line of sight at each point.
 
     Taken as the root of the projection's area scale, so that no direction is preferred; this needs nothing
-    from the projection but projecting.
+    from the projection but projecting. NaN where the camera does not see the point or the space next to it.
     """
-    if not metres > 0.0 or not np.isfinite(metres):
-        raise ArgumentError(f"metres: a positive finite width expected, got {metres}")
     step = 1e-4
     moved = [
         projection.project(points + step * axis, joints)[camera]
@@ -115,6 +124,7 @@ def _widths(
         for axis in np.eye(3)
     ]
     jacobian = np.stack(moved, axis=-1) / (2.0 * step)  # (N, 2, 3) [px/m]
-    gram = jacobian @ jacobian.transpose(0, 2, 1)
-    widths: Floats = metres * np.linalg.det(gram) ** 0.25
+    across, down = jacobian[:, 0], jacobian[:, 1]
+    area = np.linalg.norm(np.cross(across, down), axis=1)  # root of the Gram determinant
+    widths: Floats = metres * np.sqrt(area)
     return widths

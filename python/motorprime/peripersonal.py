@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
-from ._arrays import Floats
+from ._arrays import Floats, generator, image_shape, integer, numbers
 from .errors import ArgumentError, NotInViewError
 from .kinematics import apply
 from .projection import Projection
@@ -55,11 +55,10 @@ class ReachCloud:
     """
 
     def __init__(self, robot: Robot, *, size: int = 4000, seed: int | np.random.Generator | None = 0) -> None:
-        if size < MIN_INSIDE:
-            raise ArgumentError(f"size: at least {MIN_INSIDE} points expected, got {size}")
+        size = integer("size", size, at_least=MIN_INSIDE)
         self.robot = robot
         limits = robot.limits(robot.arm)
-        angles = np.random.default_rng(seed).uniform(limits[:, 0], limits[:, 1], (size, len(limits)))
+        angles = generator(seed).uniform(limits[:, 0], limits[:, 1], (size, len(limits)))
         poses = robot.arm_chain.forward(angles) @ robot.palm.frame
         self.points: Floats = poses[:, :3, 3]
 
@@ -71,7 +70,7 @@ class ReachCloud:
 
 
 def fit_gaussian(
-    pixels: Floats, depths: Floats, shape: tuple[int, int], *, camera: str = ""
+    pixels: npt.ArrayLike, depths: npt.ArrayLike, shape: tuple[int, int], *, camera: str = ""
 ) -> ProjectedGaussian:
     """Gaussian (Eq. 2, 3) of a projected cloud.
 
@@ -82,9 +81,15 @@ def fit_gaussian(
         camera: its name, for the message.
 
     Raises:
+        ArgumentError: the arrays do not belong together.
         NotInViewError: fewer than 50 of the points that are left lie inside the image.
     """
-    height, width = shape
+    height, width = (integer("shape", side, at_least=1) for side in image_shape("shape", shape))
+    pixels, depths = numbers("pixels", pixels), numbers("depths", depths)
+    if pixels.ndim != 2 or pixels.shape[1] != 2:
+        raise ArgumentError(f"pixels: expected shape (N, 2), got {pixels.shape}")
+    if depths.shape != pixels.shape[:1]:
+        raise ArgumentError(f"depths: expected shape {pixels.shape[:1]}, got {depths.shape}")
     with np.errstate(invalid="ignore"):
         offset = np.abs((pixels - ((width - 1) / 2, (height - 1) / 2)) / (width, height))
         kept = (depths > MIN_DEPTH) & (offset <= EXTENT / 2).all(axis=1)
