@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import Floats
+from ._arrays import Floats, positive
 from .camera import PosedCamera
 from .detectors.histogram import Silhouette
 from .errors import ArgumentError
@@ -36,8 +36,8 @@ class Cylinder:
     height: float
 
     def __post_init__(self) -> None:
-        if not (self.radius > 0.0 and self.height > 0.0):
-            raise ArgumentError(f"cylinder: positive sizes expected, got {self.radius} x {self.height} m")
+        positive("radius", self.radius)
+        positive("height", self.height)
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,18 @@ def locate_cylinder(
         The position, or None where the silhouettes agree on none in front of the cameras.
 
     Raises:
-        ArgumentError: fewer than two silhouettes.
+        ArgumentError: fewer than two silhouettes, or one that is empty or sticks out of its image.
     """
     names = [name for name in views if name in silhouettes]
     if len(names) < 2:
         raise ArgumentError(f"silhouettes: at least two cameras expected, got {names}")
+    for name in names:
+        (u0, v0, u1, v1), (height, width) = silhouettes[name].box, views[name].camera.shape
+        if u0 < 0 or v0 < 0 or u1 > width or v1 > height or not silhouettes[name].area:
+            raise ArgumentError(
+                f"silhouettes['{name}']: some pixels within {width} x {height} expected, "
+                f"got {silhouettes[name].area} in the box {(u0, v0, u1, v1)}"
+            )
     seen = [_Seen(views[name], silhouettes[name], cylinder) for name in names]
     centre = _from_centroids(seen)
     if centre is not None:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import numpy.typing as npt
 
-from .._arrays import Floats
+from .._arrays import Floats, fixed, integer, positive
 from ..cylinder import Cylinder
 from ..errors import ArgumentError
 
@@ -35,17 +36,21 @@ class PalmPath:
     goal: Floats
     facing: Floats
     duration: float
-    bulge: tuple[float, float, float] = (0.0, 0.0, 0.08)
+    bulge: npt.ArrayLike = (0.0, 0.0, 0.08)
     run_up: float = 0.12
 
     def __post_init__(self) -> None:
-        if not self.duration > 0.0:
-            raise ArgumentError(f"duration: a positive time expected, got {self.duration} s")
+        for name in ("start", "goal", "facing", "bulge"):
+            object.__setattr__(self, name, fixed(name, getattr(self, name), (3,)))
+        length = float(np.linalg.norm(self.facing))
+        if abs(length - 1.0) > 1e-6:
+            raise ArgumentError(f"facing: expected a unit vector, got one of length {length:.6g}")
+        positive("duration", self.duration)
 
     def at(self, time: Floats | float) -> Floats:
         """Places (..., 3) [m] at times [s] since the start; before and after it rests at the ends."""
         s = minimum_jerk(np.asarray(time, dtype=np.float64) / self.duration)[..., None]
-        bulge = np.array(self.bulge)
+        bulge = np.asarray(self.bulge)
         leave = self.start + 0.25 * (self.goal - self.start) + bulge
         arrive = self.goal - self.run_up * self.facing + 0.5 * bulge
         places: Floats = (
@@ -58,6 +63,7 @@ class PalmPath:
 
     def ahead(self, time: float, count: int = 50) -> Floats:
         """The way that is left after ``time`` [s]: (count, 3) [m], evenly spread in time."""
+        count = integer("count", count, at_least=0)
         return self.at(np.linspace(min(time, self.duration), self.duration, count))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from .._arrays import integer, numbers
 from ..errors import ArgumentError, ArgumentTypeError
 
 
@@ -40,13 +41,10 @@ class Windows:
     size: int = 20
 
     def __post_init__(self) -> None:
-        centres = np.asarray(self.centres)
+        centres = _pixels("centres", self.centres)
         if centres.ndim != 2 or centres.shape[1] != 2:
             raise ArgumentError(f"centres: shape (N, 2) expected, got {centres.shape}")
-        if not np.issubdtype(centres.dtype, np.integer):
-            raise ArgumentTypeError(f"centres: integer pixels expected, got {centres.dtype}")
-        if self.size < 1:
-            raise ArgumentError(f"size: at least 1 pixel expected, got {self.size}")
+        integer("size", self.size, at_least=1)
 
     def corners(self, shape: tuple[int, int]) -> NDArray[np.intp]:
         """Upper left corners (N, 2) of (u, v) in an image of ``shape`` (height, width).
@@ -70,11 +68,18 @@ class Tiles:
     boxes: NDArray[np.int32]
 
     def __post_init__(self) -> None:
-        boxes = np.asarray(self.boxes)
+        boxes = _pixels("boxes", self.boxes)
         if boxes.ndim != 2 or boxes.shape[1] != 4:
             raise ArgumentError(f"boxes: shape (N, 4) expected, got {boxes.shape}")
-        if not np.issubdtype(boxes.dtype, np.integer):
-            raise ArgumentTypeError(f"boxes: integer pixels expected, got {boxes.dtype}")
+
+
+def _pixels(name: str, value: npt.ArrayLike) -> NDArray[np.integer]:
+    """``value`` as an array when it holds integers only."""
+    numbers(name, value)
+    array = np.asarray(value)
+    if array.dtype.kind not in "iu":
+        raise ArgumentTypeError(f"{name}: integer pixels expected, got {array.dtype}")
+    return array
 
 
 Where: TypeAlias = Everywhere | Mask | Windows | Tiles

@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ArgumentError, StateError
-from .base import Detections, Everywhere, Mask, Where, Windows, check_image
+from .._arrays import fixed, integer
+from ..errors import ArgumentError, ArgumentTypeError, StateError
+from .base import Detections, Everywhere, Mask, Tiles, Where, Windows, check_image
 
 BINS = (30, 16)
 RANGES = [0.0, 180.0, 0.0, 256.0]
@@ -64,7 +65,12 @@ def merge(pieces: Sequence[Silhouette], *, gap: float = 0.5) -> Silhouette:
     Args:
         pieces: at least one.
         gap: largest distance between the boxes of the largest and of another piece, in sizes of the former.
+
+    Raises:
+        ArgumentError: no pieces.
     """
+    if not pieces:
+        raise ArgumentError("pieces: at least one silhouette expected, got none")
     largest = max(pieces, key=lambda piece: piece.area)
     u0, v0, u1, v1 = largest.box
     reach = gap * max(u1 - u0, v1 - v0)
@@ -117,7 +123,8 @@ class HistogramDetector:
         min_area: smaller regions [px] are ignored.
 
     Raises:
-        ArgumentError: too few coloured pixels in ``target``.
+        ArgumentError: too few coloured pixels in ``target``, or a number outside its domain.
+        ArgumentTypeError: ``target`` is not uint8, or a number has the wrong type.
     """
 
     target: NDArray[np.uint8]
@@ -130,9 +137,18 @@ class HistogramDetector:
     _lookup: NDArray[np.uint8] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        pixels = np.asarray(self.target)
-        if pixels.ndim != 2 or pixels.shape[1] != 3 or pixels.dtype != np.uint8:
-            raise ArgumentError(f"target: (N, 3) uint8 pixels expected, got {pixels.dtype} {pixels.shape}")
+        pixels = self.target
+        if not isinstance(pixels, np.ndarray) or pixels.dtype != np.uint8:
+            kind = getattr(pixels, "dtype", type(pixels).__name__)
+            raise ArgumentTypeError(f"target: a uint8 array (N, 3) expected, got {kind}")
+        if pixels.ndim != 2 or pixels.shape[1] != 3:
+            raise ArgumentError(f"target: shape (N, 3) expected, got {pixels.shape}")
+        for name, least in (("window", 1), ("stride", 1), ("min_area", 0)):
+            integer(name, getattr(self, name), at_least=least)
+        if not 0.0 < float(fixed("hit", self.hit, ())) <= 1.0:
+            raise ArgumentError(f"hit: a share in (0, 1] expected, got {self.hit}")
+        if not len(pixels):
+            raise ArgumentError("target: at least 50 coloured pixels expected, got none")
         histogram = _histogram(_hsv(np.ascontiguousarray(pixels)[:, None, :]))
         coloured = float(histogram.sum())
         if coloured < 50:
@@ -147,6 +163,7 @@ class HistogramDetector:
 
         Raises:
             ArgumentError: the image is smaller than the window, or ``where`` has the wrong shape.
+            StateError: ``where`` is Tiles, which windows do not scan.
         """
         found = self.search(image, where)
         return Detections(
@@ -196,7 +213,11 @@ class HistogramDetector:
                 raise ArgumentError(f"mask: shape ({height}, {width}) expected, got {where.mask.shape}")
             half = self.window // 2
             return grid[where.mask[grid[:, 1] + half, grid[:, 0] + half]]
-        raise StateError("the histogram detector looks at Everywhere, Mask or Windows; not at Tiles")
+        if isinstance(where, Tiles):
+            raise StateError(
+                "where: the histogram detector looks at Everywhere, Mask or Windows, not at Tiles"
+            )
+        raise ArgumentTypeError(f"where: Everywhere, Mask or Windows expected, got {type(where).__name__}")
 
     def _intersection(self, patch: NDArray[np.uint8]) -> float:
         """Sum over bins of min(window, target), both normalised by the window's pixels: 0 to 1."""
@@ -249,6 +270,7 @@ class HistogramDetector:
             counts = np.bincount(inside.ravel(), minlength=len(stats))
             counts[0] = 0
             if not counts.any():
+                attended[v0:v1, u0:u1] = True
                 return None
             best = int(counts.argmax())
             left, top, w, h, _ = (int(x) for x in stats[best])
