@@ -108,6 +108,9 @@ class Eyes:
         light: the scene's light.
         noise: standard deviation [grey levels] of the sensor's noise.
         seed: for the noise.
+
+    Raises:
+        ArgumentError: ``noise`` is negative or not finite.
     """
 
     def __init__(
@@ -118,6 +121,8 @@ class Eyes:
         noise: float = 0.0,
         seed: int | np.random.Generator | None = None,
     ) -> None:
+        if not 0.0 <= noise < np.inf:
+            raise ArgumentError(f"noise: a finite number of grey levels, at least 0, expected, got {noise}")
         self.world, self.light, self.noise = world, light or Light(), noise
         self._generator = np.random.default_rng(seed)
 
