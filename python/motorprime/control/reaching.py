@@ -19,7 +19,7 @@ from .solver import solve_bounded
 STANDOFF = 0.08
 """Distance [m] of the palm's origin from the object's axis at the pre-grasp point."""
 
-POSITION, FACING, LEVEL, COMFORT = 200.0, 4.0, 1.5, 0.12  # weights: per m, per unit of direction, per rad
+POSITION, FACING, LEVEL, COMFORT = 600.0, 4.0, 1.5, 0.12  # weights: per m, per unit of direction, per rad
 HAND = np.array(
     [
         [0.11, -0.03, -0.01], [0.11, 0.035, -0.01], [0.03, 0.035, -0.01], [-0.04, 0.03, -0.02],
@@ -28,7 +28,7 @@ HAND = np.array(
 )  # fmt: skip
 """Fingertips, edges, back and thumb in the palm's frame [m]: HAND_CLEARANCE above the bench."""
 HAND_CLEARANCE = 0.01
-ABOVE = 400.0  # per metre that a point of the arm dips below its clearance over the table
+ABOVE = 800.0  # per metre that a point of the arm dips below its clearance over the table
 AZIMUTHS = np.deg2rad(np.arange(-20.0, 101.0, 15.0))  # of the palm's facing: 0 to the left, 90 straight ahead
 
 
@@ -128,6 +128,7 @@ class ReachSolver:
         *,
         hold: Floats,
         facing_weight: float = 1.0,
+        firmness: float = 1.0,
         keep: tuple[str, ...] = (),
     ) -> Floats:
         """Angles (n,) that bring the palm to ``place`` (3,), facing ``facing`` (3,), fingers level.
@@ -138,9 +139,11 @@ class ReachSolver:
             start: first guess [rad].
             hold: angles that are preferred where the task leaves a choice [rad].
             facing_weight: 0 to 1, how much the palm's direction counts.
+            firmness: how much ``hold`` counts, against its weight in the search for a pre-grasp.
             keep: joints that stay as in ``start``.
         """
         frame, weight = self.robot.palm.frame, facing_weight
+        comfort = firmness * self.comfort
 
         def residuals(angles: Floats) -> Floats:
             pose = self.chain.forward(angles) @ frame
@@ -149,7 +152,7 @@ class ReachSolver:
                     POSITION * (pose[:3, 3] - place),
                     weight * FACING * (pose[:3, 2] - facing),
                     [weight * LEVEL * pose[2, 0]],
-                    self.comfort * (angles - hold),
+                    comfort * (angles - hold),
                     [ABOVE * max(0.0, depth) for depth in self._dips(angles)],
                 ]
             )
@@ -165,7 +168,7 @@ class ReachSolver:
                 POSITION * (linear + turning[0]),
                 weight * FACING * turning[1],
                 weight * LEVEL * turning[2][2:3],
-                np.diag(self.comfort),
+                np.diag(comfort),
                 *self._dip_rows(angles),
             ]
             return np.vstack(rows)

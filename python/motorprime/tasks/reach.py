@@ -27,10 +27,17 @@ from .timing import Clock, Stages
 
 PERIOD = 0.1  # of a vision cycle [s]
 GAZE_SPEED = 1.2  # of the fastest joint when the gaze turns [rad/s]
+FIRMNESS = 6.0
+"""On the way the posture blends from the start's to the pre-grasp's. Held this firmly it bends off its place by
+millimetres, where it would otherwise follow the path into a dead end of the joint limits."""
+JOINT_SPEED = 2.0  # of the fastest joint of arm and torso [rad/s]
 PALM_SPEED = 0.16  # mean speed of the palm on its way [m/s]
 ARRIVED = 0.004  # the palm's distance from its goal, by the encoders [m]
+FADING = 0.98  # of the trust in an old estimate, per sighting
+BETTER = 0.1  # silhouettes that overlap so much more with the prediction are seen better
 JUMP = 0.03  # a larger change of the estimate is a new place, not noise [m]
 PLAN_POINTS = 50
+GOOD_VIEW = 0.7  # overlap of silhouettes below which something, perhaps the hand, hides the target
 HAND_IN_THE_WAY = 3  # postures searched in vain before the hand is put aside
 
 
@@ -140,6 +147,7 @@ class Reach:
         self.outcome, self.reason = "running", ""
         self.pregrasp: Pregrasp | None = None
         self.estimate: Floats | None = None
+        self._trust = 0.0
 
     def run(self) -> Iterator[Cycle]:
         """The cycles, until :attr:`outcome` is known."""
@@ -189,6 +197,12 @@ class Reach:
             self._turn_gaze(fixate(self.body.robot, self.body.read(self.body.robot.gaze), self.estimate))
         except UnreachableError:
             return  # seen, but too far aside to look at straight
+        yield from self._look_again()
+        if self._trust < GOOD_VIEW:
+            self._put_hand_aside()
+            yield from self._look_again()
+
+    def _look_again(self) -> Iterator[Cycle]:
         self.finder.forget()
         for _ in range(self.settings.patience):
             cycle = self._peripersonal_cycle("fixate")
@@ -225,7 +239,7 @@ class Reach:
             where = windows_from(looks, self.settings.windows, self.settings.size, self.generator)
         sight = self.finder.look(images, views, where)
         if sight.located is not None:
-            self._believe(sight.located.centre)
+            self._believe(sight.located)
         return Cycle(
             phase=phase,
             time=self.body.time,
@@ -242,12 +256,17 @@ class Reach:
             full=self._full_frame(images, joints) if self.settings.compare else None,
         )
 
-    def _believe(self, place: Floats) -> None:
-        """A place near the last one is averaged with it; a jump is taken as it is."""
-        if self.estimate is None or np.linalg.norm(place - self.estimate) > JUMP:
-            self.estimate = place
-        else:
-            self.estimate = 0.5 * (self.estimate + place)
+    def _believe(self, located: Located) -> None:
+        """Average a place with the last ones nearby; take it as it is when it is seen better, or is a jump."""
+        self._trust *= FADING
+        jumped = self.estimate is None or np.linalg.norm(located.centre - self.estimate) > JUMP
+        if jumped or located.overlap > self._trust + BETTER:
+            self.estimate, self._trust = located.centre, located.overlap
+            return
+        assert self.estimate is not None
+        share = 0.5 if located.overlap > self._trust - BETTER else 0.1
+        self.estimate = (1.0 - share) * self.estimate + share * located.centre
+        self._trust = max(self._trust, located.overlap)
 
     def _full_frame(self, images: Mapping[str, NDArray[np.uint8]], joints: Floats) -> FullFrame:
         beside = Finder(self.target, Stages(self.clock))
@@ -328,14 +347,17 @@ class Reach:
             if elapsed >= duration and (distance < ARRIVED or elapsed > duration + 2.0):
                 break
             share = float(minimum_jerk((elapsed + PERIOD) / duration))
-            commanded = solver.solve(
+            target = solver.solve(
                 path.at(elapsed + PERIOD),
                 _between(facing, pregrasp.facing, share),
                 commanded,
                 hold=begin + share * (pregrasp.angles - begin),
                 facing_weight=0.25 + 0.75 * share,
+                firmness=FIRMNESS,
             )
-            self.body.move(self._with_gaze(commanded), PERIOD)
+            turn = float(np.abs(target - commanded).max())
+            commanded = target
+            self.body.move(self._with_gaze(commanded), max(PERIOD, turn / JOINT_SPEED))
         if distance < ARRIVED:
             self._end("reached")
         else:
