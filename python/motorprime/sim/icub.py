@@ -67,7 +67,10 @@ def _compose_aside(folder: Path) -> None:
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".composing-") as aside:
         built = Path(aside) / "model"
         built.mkdir()
-        _compose_into(built)
+        try:
+            _compose_into(built)
+        except ImportError as error:
+            raise MissingExtraError(f"the simulated iCub ({error.name})", "sim") from None
         try:
             built.rename(folder)
         except OSError:
