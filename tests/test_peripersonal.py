@@ -1,0 +1,246 @@
+"""The reachable space and its Gaussian in the image (Eq. 2, 3)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from motorprime import KinematicProjection, PinholeProjection, ReachCloud, fit_gaussian, fit_peripersonal
+from motorprime.errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
+from motorprime.peripersonal import covered
+from small_robot import PALM_FRAME, reference_pose, small_robot
+
+sim = pytest.mark.sim
+SHAPE = (240, 320)
+
+
+def blob(count=2000, mean=(150.0, 130.0), cov=((900.0, -420.0), (-420.0, 500.0)), seed=0):
+    """Pixels whose sample mean and covariance are exactly these: whitened and coloured again."""
+    white = np.random.default_rng(seed).normal(size=(count, 2))
+    white -= white.mean(axis=0)
+    white = white @ np.linalg.inv(np.linalg.cholesky(white.T @ white / (count - 1))).T
+    return white @ np.linalg.cholesky(np.array(cov)).T + mean
+
+
+@pytest.mark.parametrize("slope", [-1.0, 1.0])
+def test_the_fit_is_the_sample_mean_and_the_lower_cholesky_factor(slope):
+    """L = [[L1, 0], [L2, L3]] with L L^T the covariance: L2 has the sign of the slope, v down."""
+    cov = np.array([[900.0, 420.0 * slope], [420.0 * slope, 500.0]])
+    fit = fit_gaussian(blob(cov=cov), np.full(2000, 0.4), SHAPE)
+    l1, l2, l3 = fit.chol
+    np.testing.assert_allclose(fit.mean, (150.0, 130.0), atol=1e-9)
+    # By hand: L1 = sqrt(900), L2 = cov / L1, L3 = sqrt(500 - L2^2).
+    np.testing.assert_allclose((l1, l2, l3), (30.0, 14.0 * slope, np.sqrt(500 - 14.0**2)), rtol=1e-5)
+    factor = np.array([[l1, 0], [l2, l3]])
+    np.testing.assert_allclose(factor @ factor.T, cov, atol=1e-3)
+
+
+def test_points_nearer_than_5_cm_are_left_out():
+    near = np.array([[10.0, 10.0]] * 300)
+    pixels = np.vstack([blob(), near])
+    for depth in (0.05, 0.01, -0.4, np.nan):
+        fit = fit_gaussian(pixels, np.r_[np.full(2000, 0.06), np.full(300, depth)], SHAPE)
+        np.testing.assert_allclose(fit.mean, (150.0, 130.0), atol=1e-9)
+    fit = fit_gaussian(pixels, np.full(2300, 0.0501), SHAPE)
+    assert fit.mean[0] < 140
+
+
+def test_points_within_three_image_sizes_count_and_those_beyond_do_not():
+    """Around the centre (159.5, 119.5): u from -320.5 to 639.5, v from -240.5 to 479.5."""
+    base = blob(mean=(159.5, 119.5), cov=((4.0, 0.0), (0.0, 4.0)))
+    depths = np.full(2001, 0.4)
+    for inside, outside in (
+        ((639.4, 119.5), (639.6, 119.5)),
+        ((-320.4, 119.5), (-320.6, 119.5)),
+        ((159.5, 479.4), (159.5, 479.6)),
+        ((159.5, -240.4), (159.5, -240.6)),
+    ):
+        moved = fit_gaussian(np.vstack([base, [inside]]), depths, SHAPE).mean
+        assert np.abs(moved - (159.5, 119.5)).max() > 0.1
+        still = fit_gaussian(np.vstack([base, [outside]]), depths, SHAPE)
+        np.testing.assert_allclose(still.mean, (159.5, 119.5), atol=1e-9)
+        assert still.inside == 2000
+
+
+@pytest.mark.parametrize(("u", "v"), [(-0.5, 0.0), (319.5, 239.5), (100.0, -0.49), (0.0, 239.5)])
+def test_the_image_reaches_half_a_pixel_beyond_its_outer_centres(u, v):
+    """Pixel centres are integers, so the image covers -0.5 .. W - 0.5."""
+    rng = np.random.default_rng(1)
+    corner = np.array([u, v])
+    outward = np.sign(corner - (159.5, 119.5))
+    pixels = corner - rng.uniform(0.0, 0.4, (49, 2)) * outward
+    depths = np.full(50, 0.4)
+    assert fit_gaussian(np.vstack([pixels, [corner]]), depths, SHAPE).inside == 50
+    beyond = np.where(
+        np.abs(corner - (159.5, 119.5)) * 2 >= (320, 240), corner + 0.02 * outward, (159.5, -0.6)
+    )
+    with pytest.raises(NotInViewError, match="49 of 50"):
+        fit_gaussian(np.vstack([pixels, [beyond]]), depths, SHAPE)
+
+
+def test_fewer_than_50_points_inside_is_not_in_view_and_the_message_says_so():
+    pixels = np.vstack([blob(49, cov=((9.0, 0.0), (0.0, 9.0))), np.full((500, 2), 400.0)])
+    with pytest.raises(NotInViewError) as caught:
+        fit_gaussian(pixels, np.full(549, 0.4), SHAPE, camera="left")
+    for words in ("not in view", "camera 'left'", "49 of 549", "50"):
+        assert words in str(caught.value)
+
+
+def test_nan_and_infinite_rows_are_dropped_and_nothing_is_changed():
+    pixels = blob(200)
+    holes = np.vstack([pixels, [[np.nan, np.nan], [np.inf, 3.0], [4.0, -np.inf]]])
+    kept = holes.copy()
+    fit = fit_gaussian(holes, np.full(203, 0.4), SHAPE)
+    np.testing.assert_allclose(fit.mean, (150.0, 130.0), atol=1e-9)
+    np.testing.assert_array_equal(holes, kept)
+
+
+def test_a_cloud_on_one_pixel_still_gives_a_factor_that_a_landscape_takes():
+    fit = fit_gaussian(np.full((80, 2), 33.0), np.full(80, 0.4), SHAPE)
+    assert fit.chol[0] > 0 and fit.chol[2] > 0
+
+
+@pytest.mark.parametrize(
+    ("pixels", "depths", "shape", "name", "error"),
+    [
+        (np.zeros((2, 60)), np.ones(60), SHAPE, "pixels", ArgumentError),
+        (np.zeros((60, 3)), np.ones(60), SHAPE, "pixels", ArgumentError),
+        (np.zeros(60), np.ones(60), SHAPE, "pixels", ArgumentError),
+        (np.zeros((60, 2)), np.ones(59), SHAPE, "depths", ArgumentError),
+        (np.zeros((60, 2)), np.ones((60, 1)), SHAPE, "depths", ArgumentError),
+        (np.zeros((60, 2)), "deep", SHAPE, "depths", ArgumentTypeError),
+        (np.zeros((60, 2)), np.ones(60), (0, 320), "shape", ArgumentError),
+        (np.zeros((60, 2)), np.ones(60), (240, 320, 3), "shape", ArgumentError),
+        (np.zeros((60, 2)), np.ones(60), (240.0, 320.0), "shape", ArgumentTypeError),
+    ],
+)
+def test_arrays_that_do_not_belong_together_are_named(pixels, depths, shape, name, error):
+    with pytest.raises(error, match=name):
+        fit_gaussian(pixels, depths, shape)
+
+
+# The cloud.
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    return small_robot(tmp_path_factory.mktemp("robot"))
+
+
+def test_the_cloud_holds_the_palm_s_places_of_postures_uniform_within_the_limits(robot):
+    """Against the same draw through the second kinematics, in the chest's frame."""
+    cloud = ReachCloud(robot, size=60, seed=4)
+    draws = np.random.default_rng(4).uniform((-2.0, 0.2), (0.5, 2.0), (60, 2))
+    for point, (shoulder, elbow) in zip(cloud.points, draws, strict=True):
+        pose = reference_pose("chest", "hand", {"shoulder": shoulder, "elbow": elbow}) @ PALM_FRAME
+        np.testing.assert_allclose(point, pose[:3, 3], atol=1e-9)
+
+
+def test_the_torso_carries_the_cloud_and_the_neck_does_not(robot):
+    cloud = ReachCloud(robot, size=50)
+    chest = reference_pose("base", "chest", {"waist": 0.7})
+    expected = cloud.points @ chest[:3, :3].T + chest[:3, 3]
+    np.testing.assert_allclose(cloud.in_root([0.0, 0.7, 0.0, 0.0]), expected, atol=1e-9)
+    np.testing.assert_allclose(cloud.in_root([0.5, 0.7, 0.3, 0.2]), expected, atol=1e-9)
+
+
+def test_the_same_seed_gives_the_same_cloud_and_a_generator_advances(robot):
+    one, two = ReachCloud(robot, size=50, seed=3), ReachCloud(robot, size=50, seed=3)
+    np.testing.assert_array_equal(one.points, two.points)
+    generator = np.random.default_rng(3)
+    np.testing.assert_array_equal(ReachCloud(robot, size=50, seed=generator).points, one.points)
+    assert not np.array_equal(ReachCloud(robot, size=50, seed=generator).points, one.points)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name", "error"),
+    [
+        ({"size": 49}, "size", ArgumentError),
+        ({"size": 60.0}, "size", ArgumentTypeError),
+        ({"size": "60"}, "size", ArgumentTypeError),
+        ({"seed": -1}, "seed", ArgumentError),
+        ({"seed": "one"}, "seed", ArgumentTypeError),
+    ],
+)
+def test_a_cloud_of_wrong_size_or_seed_names_it(robot, arguments, name, error):
+    with pytest.raises(error, match=name):
+        ReachCloud(robot, **arguments)
+
+
+def test_a_cloud_needs_a_urdf_and_a_whole_posture(robot):
+    with pytest.raises(StateError, match="with_urdf"):
+        ReachCloud(small_robot())
+    with pytest.raises(ArgumentError, match="joints"):
+        ReachCloud(robot, size=50).in_root(np.zeros(3))
+
+
+class Standing(ReachCloud):
+    """A cloud of given points, whatever the posture."""
+
+    def __init__(self, points) -> None:
+        self.points = points
+
+    def in_root(self, joints):
+        return self.points
+
+
+def looking(*, away=False, shift=0.0):
+    """(3, 4) matrix of a camera at (shift, 0, 0) that looks along z, or the other way."""
+    k = np.array([[250.0, 0, 160], [0, 250.0, 120], [0, 0, 1]])
+    rotation = np.diag([-1.0, 1.0, -1.0]) if away else np.eye(3)
+    return k @ np.column_stack([rotation, -rotation @ (shift, 0, 0)])
+
+
+def test_only_the_camera_that_has_the_space_in_view_gets_a_gaussian():
+    points = np.random.default_rng(2).normal((0.02, -0.01, 0.5), (0.04, 0.02, 0.02), (400, 3))
+    projection = PinholeProjection({"front": looking(), "back": looking(away=True)}, SHAPE)
+    fits = fit_peripersonal(Standing(points), projection, None)
+    assert list(fits) == ["front"]
+    expected = 250.0 * points[:, :2] / points[:, 2:] + (160, 120)
+    np.testing.assert_allclose(fits["front"].mean, expected.mean(axis=0), atol=1e-9)
+    assert fits["front"].inside == 400
+
+
+def test_in_no_camera_s_view_the_message_gives_every_camera_s_reason():
+    points = np.full((100, 3), (0.0, 0.0, -0.5))
+    projection = PinholeProjection({"one": looking(), "two": looking(shift=0.1)}, SHAPE)
+    with pytest.raises(NotInViewError, match=r"camera 'one'.*; .*camera 'two'"):
+        fit_peripersonal(Standing(points), projection, None)
+
+
+def test_covered_is_the_share_of_positive_pixels():
+    landscape = np.zeros((4, 5), np.float32)
+    landscape[1, 2:] = 1e-6
+    assert covered(landscape) == 3 / 20
+
+
+@sim
+def test_the_icub_s_torso_moves_its_reach_cloud(icub, cloud):
+    """A turn about the torso's yaw axis, which is upright at zero, keeps heights and turns by that angle."""
+    turned = np.zeros(9)
+    turned[icub.gaze.index("torso_yaw")] = 0.3
+    before, after = cloud.in_root(np.zeros(9)), cloud.in_root(turned)
+    np.testing.assert_allclose(after[:, 2], before[:, 2], atol=1e-3)
+    centred = [cloud - cloud.mean(axis=0) for cloud in (before, after)]
+    angles = [np.arctan2(points[:, 1], points[:, 0]) for points in centred]
+    change = np.angle(np.exp(1j * (angles[1] - angles[0])))
+    np.testing.assert_allclose(np.abs(np.median(change)), 0.3, atol=2e-3)
+    looked = np.zeros(9)
+    looked[[icub.gaze.index("neck_yaw"), icub.gaze.index("eyes_tilt")]] = 0.3
+    np.testing.assert_allclose(cloud.in_root(looked), before, atol=1e-12)
+
+
+@sim
+def test_the_icub_that_looks_down_has_its_reach_in_view_and_looking_up_has_not(icub, cloud):
+    projection = KinematicProjection(icub)
+    down, up = np.zeros(9), np.zeros(9)
+    down[[3, 6, 8]] = np.deg2rad((-35.0, -15.0, 10.0))
+    up[[3, 6]] = np.deg2rad((22.0, 30.0))
+    fits = fit_peripersonal(cloud, projection, down)
+    assert set(fits) == {"left", "right"}
+    for fit in fits.values():
+        assert fit.inside > 400 and np.hypot(fit.chol[1], fit.chol[2]) < 240 and fit.chol[0] < 320
+    # Near things appear further left in the right eye.
+    assert fits["right"].mean[0] < fits["left"].mean[0] - 10
+    with pytest.raises(NotInViewError, match="look elsewhere"):
+        fit_peripersonal(cloud, projection, up)
