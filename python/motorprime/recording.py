@@ -3,6 +3,7 @@
 result.json   figures of the run, for programs
 report.html   the same for people, in one file that needs nothing else
 video.webm    eyes and bystander in real time, unless it is off
+picture.jpg   one frame of it
 """
 
 from __future__ import annotations
@@ -150,6 +151,8 @@ class Recording:
         try:
             data = self._write_result(outcome, reason, judged or {})
             film = self.folder / "video.webm"
+            if self._album.poster is not None:
+                (self.folder / "picture.jpg").write_bytes(self._album.poster)
             write_report(
                 self.report,
                 data,
