@@ -7,6 +7,7 @@ themselves never do.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from types import TracebackType
 
 import cv2
@@ -52,10 +53,13 @@ class Stage:
         gui: bool = False,
     ) -> None:
         self.robot, self.layout = robot, layout
-        self.world = World(robot, gui=gui)
-        self.scene = Scene(self.world, layout)
-        self.eyes = Eyes(self.world, light=light, noise=noise, seed=seed)
         self.projection = KinematicProjection(robot)
+        with ExitStack() as unwinding:  # closes what is open already when a later part fails
+            self.world = unwinding.enter_context(World(robot, gui=gui))
+            self.scene = Scene(self.world, layout)
+            unwinding.callback(self.scene.close)
+            self.eyes = Eyes(self.world, light=light, noise=noise, seed=seed)
+            self._closing = unwinding.pop_all()
 
     def __enter__(self) -> Stage:
         return self
@@ -63,8 +67,7 @@ class Stage:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.scene.close()
-        self.world.close()
+        self._closing.close()
 
     def strike(self, joints: Floats) -> None:
         """Put the gaze's joints at a posture (len(robot.gaze),) [rad]."""

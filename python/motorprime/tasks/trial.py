@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -72,25 +73,23 @@ class Trial:
         gui: bool = False,
     ) -> None:
         generator = np.random.default_rng(seed)
-        self.stage = Stage(
-            robot,
-            draw_layout(generator, clutter=clutter),
-            noise=noise,
-            seed=int(generator.integers(2**31)),
-            gui=gui,
-        )
-        if not glass:
-            self.stage.scene.remove_glass()
-        strike_start(self.stage, generator)
-        self.body = SimulatedBody(self.stage.world, self.stage.eyes)
-        self.task = Reach(
-            self.body,
-            target or target_of(Glass()),
-            Attention(self.stage.projection, cloud=cloud or ReachCloud(robot)),
-            BENCH,
-            settings=settings,
-            seed=generator,
-        )
+        layout = draw_layout(generator, clutter=clutter)
+        stage = Stage(robot, layout, noise=noise, seed=int(generator.integers(2**31)), gui=gui)
+        with ExitStack() as unwinding:  # closes the simulator when no start is found
+            self.stage = unwinding.enter_context(stage)
+            if not glass:
+                self.stage.scene.remove_glass()
+            strike_start(self.stage, generator)
+            self.body = SimulatedBody(self.stage.world, self.stage.eyes)
+            self.task = Reach(
+                self.body,
+                target or target_of(Glass()),
+                Attention(self.stage.projection, cloud=cloud or ReachCloud(robot)),
+                BENCH,
+                settings=settings,
+                seed=generator,
+            )
+            self._closing = unwinding.pop_all()
 
     def __enter__(self) -> Trial:
         return self
@@ -98,7 +97,7 @@ class Trial:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.stage.__exit__(kind, error, trace)
+        self._closing.close()
 
     def judge(self) -> Verdict:
         """Hold what the task achieved against the truth."""
