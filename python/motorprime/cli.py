@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +24,8 @@ app = typer.Typer(
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
 app.add_typer(evaluate, name="evaluate")
 
+LARGEST = 4096  # side of the eyes' images [px]
+
 out = Console()
 err = Console(stderr=True)
 
@@ -37,7 +40,7 @@ def main() -> None:
     try:
         app()
     except Error as error:
-        err.print(f"motorprime: {error}", style="red", markup=False, highlight=False)
+        err.print(f"motorprime: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
         sys.exit(2)
 
 
@@ -79,8 +82,8 @@ def reach(
     """Let the simulated iCub find a red glass and reach for it, looking only where it matters.
 
     The robot starts in a random posture, searches the glass with windows over its reachable space, turns its
-    gaze there, plans the hand's path, and moves with a fresh look along the plan at every vision cycle. A scan
-    of the full images runs beside every cycle, for comparison only.
+    gaze there, plans the hand's path, and moves with a fresh look along the plan at every vision cycle. A
+    scan of the full images runs beside every cycle, for comparison only.
 
     Leaves runs/NAME/ with report.html (open it in a browser), video.webm and result.json.
 
@@ -113,7 +116,10 @@ def _size(text: str) -> tuple[int, int]:
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(part.isdigit() and int(part) > 0 for part in parts):
         raise typer.BadParameter(f"'{text}' is not WIDTHxHEIGHT, e.g. 640x480", param_hint="--size")
-    return int(parts[0]), int(parts[1])
+    width, height = int(parts[0]), int(parts[1])
+    if max(width, height) > LARGEST:  # the renderer would die of it, and no report be written
+        raise typer.BadParameter(f"'{text}' is larger than {LARGEST}x{LARGEST}", param_hint="--size")
+    return width, height
 
 
 @evaluate.command("projection")
@@ -125,7 +131,7 @@ def _projection(
     """Rendered balls: segmented centroid against the projected outline's centre, in pixels."""
     from .evaluate.projection import evaluate_projection
 
-    _report("projection", evaluate_projection(_robot(), poses=poses, seed=seed, progress=_bars()), json_file)
+    _measure("projection", evaluate_projection, json_file, poses=poses, seed=seed)
 
 
 @evaluate.command("search")
@@ -137,7 +143,7 @@ def _search(
     """Cycles to find the glass: peripersonal windows, windows anywhere, and one full scan."""
     from .evaluate.search import evaluate_search
 
-    _report("search", evaluate_search(_robot(), scenes=scenes, seed=seed, progress=_bars()), json_file)
+    _measure("search", evaluate_search, json_file, scenes=scenes, seed=seed)
 
 
 @evaluate.command("reach")
@@ -149,25 +155,19 @@ def _reach(
     """How often the palm ends within 1 cm of the true pre-grasp point."""
     from .evaluate.reach import evaluate_reach
 
-    _report("reach", evaluate_reach(_robot(), trials=trials, seed=seed, progress=_bars()), json_file)
+    _measure("reach", evaluate_reach, json_file, trials=trials, seed=seed)
 
 
-def _robot() -> Any:
+def _measure(
+    name: str, evaluation: Callable[..., dict[str, Any]], json_file: Path | None, **options: Any
+) -> None:
+    from .evaluate.common import Progress, check_writable, table, write_json
     from .sim.icub import load_icub
 
-    return load_icub()
-
-
-def _bars() -> Any:
-    from .evaluate.common import Progress
-
-    return Progress(err)
-
-
-def _report(name: str, result: dict[str, Any], json_file: Path | None) -> None:
-    from .evaluate.common import table, write_json
-
+    if json_file is not None:
+        check_writable(json_file)  # now, not after an hour of measuring
+    result = evaluation(load_icub(), progress=Progress(err), **options)
     out.print(table(f"evaluate {name}", {k: v for k, v in result.items() if k != "details"}))
     if json_file is not None:
         write_json(json_file, result)
-        err.print(f"wrote {json_file}", markup=False, highlight=False)
+        err.print(f"wrote {json_file}", markup=False, highlight=False, soft_wrap=True)

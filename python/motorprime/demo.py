@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import signal
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ PHASES = {
     "fixate": "looking at the glass",
     "reach": "reaching, eyes on the planned path",
 }
+WINDOW = 20  # side of a window [px]
 
 
 @dataclass(frozen=True)
@@ -46,14 +48,22 @@ class ReachOptions:
 
 def run_reach(options: ReachOptions, console: Console) -> dict[str, Any]:
     """Run one reach and write its folder; returns what result.json holds."""
+    if min(options.size) < WINDOW:
+        width, height = options.size
+        raise ArgumentError(f"size: {width}x{height} is smaller than a window of {WINDOW} px")
     folder = fresh_folder(options.runs, options.name)
-    window = min(20, *options.size)
-    if min(options.size) < 20:
-        raise ArgumentError(f"size: {options.size[0]}x{options.size[1]} is smaller than a window of 20 px")
-    settings = Settings(windows=options.windows, size=window, width=options.width)
+    try:
+        return _run_into(folder, options, console)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            folder.rmdir()  # only where nothing has been recorded yet
+        raise
+
+
+def _run_into(folder: Path, options: ReachOptions, console: Console) -> dict[str, Any]:
+    settings = Settings(windows=options.windows, size=WINDOW, width=options.width)
     console.print(f"Building the scene from seed {options.seed} ...", highlight=False)
     robot = load_icub().with_image_size(*options.size)
-    interrupted = False
     with Trial(
         robot,
         options.seed,
@@ -71,17 +81,30 @@ def run_reach(options: ReachOptions, console: Console) -> dict[str, Any]:
             video=options.video,
             bystander=bystander,
         )
-        with contextlib.suppress(KeyboardInterrupt), recording:
-            interrupted = True
-            _drive(trial, recording, console)
-            interrupted = False
+        completed = _drive_to_the_end(trial, recording, console)
     result: dict[str, Any] = json.loads((folder / "result.json").read_text())
-    if interrupted:
-        console.print("Interrupted; the run's folder says so.", style="yellow")
-    else:
+    if completed:
         _conclude(result, console)
+    else:
+        console.print("Interrupted; the run's folder says so.", style="yellow")
     console.print(f"Report: {recording.report}", markup=False, highlight=False, soft_wrap=True)
     return result
+
+
+def _drive_to_the_end(trial: Trial, recording: Recording, console: Console) -> bool:
+    """Whether it got there; after a Ctrl-C the report is still written, and a second one cannot spoil it."""
+    usual = signal.getsignal(signal.SIGINT)
+    try:
+        with recording:
+            try:
+                _drive(trial, recording, console)
+            except KeyboardInterrupt:
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
+                raise
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, usual)
+        return False
+    return True
 
 
 def _drive(trial: Trial, recording: Recording, console: Console) -> None:
@@ -140,7 +163,7 @@ def _conclude(result: dict[str, Any], console: Console) -> None:
 
 
 def _times(summary: dict[str, Any]) -> Table:
-    table = Table(title="Time per vision cycle, both eyes [ms]", title_justify="left")
+    table = Table(title="Time per vision cycle, both eyes, in ms", title_justify="left")
     table.add_column("stage")
     table.add_column("attended", justify="right")
     table.add_column("full frame", justify="right")

@@ -51,6 +51,22 @@ def table(title: str, result: Mapping[str, Any]) -> Table:
     return shown
 
 
+def check_writable(path: Path) -> None:
+    """Make sure that a file can be written, its folder included.
+
+    Raises:
+        ArgumentError: it cannot.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        existed = path.exists()
+        path.open("a").close()
+        if not existed:
+            path.unlink()
+    except OSError as error:
+        raise ArgumentError(f"json: cannot write {path}: {error.strerror}") from None
+
+
 def write_json(path: Path, result: Mapping[str, Any]) -> None:
     """Write a result as JSON.
 
@@ -58,7 +74,6 @@ def write_json(path: Path, result: Mapping[str, Any]) -> None:
         ArgumentError: the file cannot be written.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(result, indent=2) + "\n")
     except OSError as error:
         raise ArgumentError(f"json: cannot write {path}: {error.strerror}") from None
