@@ -13,31 +13,40 @@ def _installed(module):
         return False
 
 
-_MISSING = [
-    module
-    for module in ("pybullet", "icub_models", "scipy", "trimesh", "fast_simplification")
-    if not _installed(module)
-]
-_REASON = f"pip install 'motorprime[sim]' (CPython 3.10 or 3.11): {', '.join(_MISSING)} not installed"
+_NEEDS = {
+    "sim": ("pybullet", "icub_models", "scipy", "trimesh", "fast_simplification"),
+    "viz": ("matplotlib",),
+}
+_REASONS = {
+    extra: f"pip install 'motorprime[{extra}]': {', '.join(missing)} not installed"
+    for extra, modules in _NEEDS.items()
+    if (missing := [module for module in modules if not _installed(module)])
+}
+"""Extras that are not here, each a marker of the tests that need it, and why those are skipped."""
 
 
 class _SkippedModule(pytest.Module):
+    reason = ""
+
     def collect(self):
-        pytest.skip(_REASON, allow_module_level=True)
+        pytest.skip(self.reason, allow_module_level=True)
 
 
 def pytest_pycollect_makemodule(module_path, parent):
-    """A test file marked ``sim`` as a whole may import the simulator: it is not even imported without it."""
-    if _MISSING and "\npytestmark = pytest.mark.sim\n" in module_path.read_text():
-        return _SkippedModule.from_parent(parent, path=module_path)
+    """A test file marked as a whole may import what its extra brings: it is not even imported without it."""
+    for extra, reason in _REASONS.items():
+        if f"\npytestmark = pytest.mark.{extra}\n" in module_path.read_text():
+            module = _SkippedModule.from_parent(parent, path=module_path)
+            module.reason = reason
+            return module
     return None
 
 
 def pytest_collection_modifyitems(items):
-    if _MISSING:
+    for extra, reason in _REASONS.items():
         for item in items:
-            if item.get_closest_marker("sim"):
-                item.add_marker(pytest.mark.skip(reason=_REASON))
+            if item.get_closest_marker(extra):
+                item.add_marker(pytest.mark.skip(reason=reason))
 
 
 @pytest.fixture(scope="session")

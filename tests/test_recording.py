@@ -11,6 +11,8 @@ from motorprime.recording import Recording, fresh_folder
 from motorprime.report import plots
 from motorprime.summary import spread, summarise
 
+pytestmark = pytest.mark.viz
+
 
 def start(folder, **changes):
     return Recording(folder, **({"title": "Reach", "meta": {"seed": 1}, "video": False} | changes))

@@ -17,6 +17,8 @@ from motorprime.recording import Recording
 from motorprime.report import EMBED_LIMIT, Shot, page, plot_shots, plots
 from motorprime.report.text import factor, headline, milliseconds, note
 
+pytestmark = pytest.mark.viz
+
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 PROBE = """<script>
 const errors = [];

@@ -288,6 +288,7 @@ def _record(cycle: Cycle, truth: NDArray[np.float64] | None) -> dict[str, Any]:
         "time": cycle.time,
         "seconds": cycle.seconds,
         "attended": sight.attended,
+        "covered": [look.covered for look in cycle.looks.values()],
         "located": sight.located is not None,
         "place": None if sight.located is None else sight.located.centre,
         "estimate": cycle.estimate,

@@ -67,7 +67,7 @@ class PalmPath:
         return self.at(np.linspace(min(time, self.duration), self.duration, count))
 
 
-LIFTS, DETOURS = (0.06, 0.10, 0.15, 0.20), (0.0, 0.06, 0.12, 0.18)
+LIFTS, DETOURS = (0.10, 0.15, 0.20), (0.0, 0.06, 0.12, 0.18)
 CLEARANCE = 0.06
 """Between the palm's origin and the target's surface [m] until the run-up: half a hand and a little more."""
 

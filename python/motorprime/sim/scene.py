@@ -18,6 +18,7 @@ from .world import World, pybullet
 
 TABLE_HEIGHT = -0.06  # of the table's top in the root frame [m]: elbow height of an upright iCub
 TABLE_THICKNESS = 0.03
+HAND_ROOM = 0.12  # depth of the free strip beside and before the glass, counted from its axis [m]
 TABLE_X, TABLE_Y = (-0.62, -0.15), (-0.45, 0.45)
 
 
@@ -120,9 +121,11 @@ def _has_room(
     offset = spot - glass_at
     if np.linalg.norm(offset) < glass.radius + thing.radius + 0.05:
         return False
-    # The hand comes from the robot's right and near side, the eyes look from the near side: keep both free.
-    near_or_right = offset[0] > -0.02 or offset[1] > 0.0
-    return not (near_or_right and np.linalg.norm(offset) < 0.24)
+    # The eyes look from the near side, and the hand comes from the right: keep both free, the latter up to
+    # the table's edge, because whoever reaches here does not see obstacles yet.
+    if offset[0] > -HAND_ROOM and offset[1] > -glass.radius - thing.radius:
+        return False
+    return not (offset[0] > -0.02 and np.linalg.norm(offset) < 0.24)
 
 
 class Scene:
