@@ -50,6 +50,7 @@ def test_a_finished_run(tmp_path):
             recording.add(cycle, truth=np.array([-0.3, 0.1, 0.051]))
         recording.finish("reached", "", {"palm_error_mm": np.float64(1.5), "nothing": np.nan})
     assert sorted(p.name for p in (tmp_path / "demo").iterdir()) == [
+        "picture.jpg",
         "report.html",
         "result.json",
         "video.webm",
