@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._arrays import Floats
-from ..errors import UnreachableError
+from .._arrays import Floats, fixed, positive
+from ..errors import ArgumentError, UnreachableError
 from ..kinematics import Chain, apply
 from ..robot import Robot
 from .solver import solve_bounded
@@ -43,6 +43,10 @@ class Bench:
 
     height: float
     edge: float
+
+    def __post_init__(self) -> None:
+        fixed("height", self.height, ())
+        fixed("edge", self.edge, ())
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,8 @@ class ReachSolver:
         Raises:
             UnreachableError: no posture within the joint limits gets there with the palm facing the object.
         """
+        centre, start = fixed("centre", centre, (3,)), fixed("start", start, (len(self.names),))
+        tolerance = positive("tolerance", tolerance)
         best: tuple[float, Pregrasp] | None = None
         nearest = np.inf
         for azimuth in AZIMUTHS:
@@ -142,6 +148,14 @@ class ReachSolver:
             firmness: how much ``hold`` counts, against its weight in the search for a pre-grasp.
             keep: joints that stay as in ``start``.
         """
+        count = len(self.names)
+        place, facing = fixed("place", place, (3,)), fixed("facing", facing, (3,))
+        start, hold = fixed("start", start, (count,)), fixed("hold", hold, (count,))
+        unknown = [name for name in keep if name not in self.names]
+        if unknown:
+            raise ArgumentError(
+                f"keep: no joint '{unknown[0]}' on the way to the palm; there are {self.names}"
+            )
         frame, weight = self.robot.palm.frame, facing_weight
         comfort = firmness * self.comfort
 
@@ -181,6 +195,10 @@ class ReachSolver:
     def _guard(self, bench: Bench) -> list[_Guard]:
         """The points of the arm that must stay above the bench."""
         robot = self.robot
+        for link in robot.guarded:
+            names = robot.tree.chain(robot.root, link).names
+            if names != self.names[: len(names)]:
+                raise ArgumentError(f"guarded: link '{link}' is not on the way to the palm")
         guards = [
             _Guard(robot.tree.chain(robot.root, link), np.zeros((1, 3)), bench, clearance)
             for link, clearance in robot.guarded.items()
