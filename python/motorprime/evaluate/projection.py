@@ -15,7 +15,7 @@ from ..projection import KinematicProjection
 from ..robot import Robot
 from ..sim.cameras import Eyes
 from ..sim.meshes import write_sphere
-from ..sim.world import World, pybullet
+from ..sim.world import World
 from ..tasks.staging import random_posture
 from .common import Progress
 
@@ -41,10 +41,7 @@ def evaluate_projection(
     with World(robot) as world, tempfile.TemporaryDirectory(prefix="motorprime-") as folder:
         eyes = Eyes(world)
         mesh = write_sphere(Path(folder) / "ball.obj", RADIUS)
-        shape = world.bullet.createVisualShape(
-            pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=[0.1, 0.8, 0.2, 1]
-        )
-        ball = int(world.bullet.createMultiBody(baseVisualShapeIndex=shape, basePosition=(0, 0, -50)))
+        ball = world.add_marker(mesh, (0.1, 0.8, 0.2, 1.0))
         for _ in progress.over(range(poses), "rendering balls"):
             offsets += _one_pose(world, eyes, projection, ball, generator)
     return {
@@ -81,7 +78,7 @@ def _one_pose(
             centres[name] = sphere_outline_centre(view.camera, view.to_camera(place[None])[0], RADIUS)
         if len(centres) < len(views):
             continue
-        world.bullet.resetBasePositionAndOrientation(ball, list(place), (0, 0, 0, 1))
+        world.put(ball, place)
         frames = eyes.capture()
         offsets = []
         for name, frame in frames.items():

@@ -6,14 +6,16 @@ it there are only poses, images and joint angles.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from .._arrays import Floats
+from .._arrays import Floats, fixed
 from ..errors import ArgumentError, MissingExtraError
 from ..kinematics import transform
 from ..robot import Robot
@@ -195,6 +197,20 @@ class World:
         finally:
             for link, colour in colours:
                 self.bullet.changeVisualShape(self.body, link, rgbaColor=colour)
+
+    def add_marker(self, mesh: Path, colour: Sequence[float]) -> int:
+        """Add a body that is seen and touches nothing, far below the scene; returns its number.
+
+        Args:
+            mesh: Wavefront file.
+            colour: red, green, blue and opacity, 0 to 1.
+        """
+        shape = self.bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=list(colour))
+        return int(self.bullet.createMultiBody(baseVisualShapeIndex=shape, basePosition=(0, 0, -50)))
+
+    def put(self, body: int, place: npt.ArrayLike) -> None:
+        """Put a body's origin at ``place`` (3,) [m] in the root frame, upright."""
+        self.bullet.resetBasePositionAndOrientation(body, fixed("place", place, (3,)).tolist(), (0, 0, 0, 1))
 
     def touching(self, *, ignore: Iterable[int] = ()) -> set[int]:
         """Bodies other than the robot that touch it now, without those in ``ignore``."""
