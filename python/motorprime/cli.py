@@ -67,10 +67,12 @@ def reach(
     windows: Annotated[int, typer.Option(min=1, help="Windows per eye and vision cycle.")] = 50,
     width: Annotated[
         float | None,
-        typer.Option(min=0.01, help="Kernel width of the plan [px]; default 40 at 320 x 240."),
+        typer.Option(min=0.01, max=1e4, help="Kernel width of the plan [px]; default 40 at 320 x 240."),
     ] = None,
     size: Annotated[str, typer.Option(help="Images of the eyes, WIDTHxHEIGHT in pixels.")] = "320x240",
-    noise: Annotated[float, typer.Option(min=0.0, help="Noise of the eyes' sensors [grey levels].")] = 2.0,
+    noise: Annotated[
+        float, typer.Option(min=0.0, max=255.0, help="Noise of the eyes' sensors [grey levels].")
+    ] = 2.0,
     clutter: Annotated[int, typer.Option(min=0, max=6, help="Other kitchenware on the table.")] = 4,
     glass: Annotated[bool, typer.Option(help="Whether the glass stands on the table at all.")] = True,
     video: Annotated[bool, typer.Option(help="Write a video of the run.")] = True,
