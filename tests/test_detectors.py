@@ -125,6 +125,13 @@ def test_several_targets_come_apart_the_largest_first():
     assert [len(DETECTOR.detect(image, w)) for w in (Windows(np.array([[60, 60]])), Everywhere())] == [0, 3]
 
 
+def test_regions_that_touch_at_a_corner_only_are_two():
+    image = scene()
+    image[30:50, 40:60] = image[50:70, 60:80] = RED
+    found = DETECTOR.search(image, Everywhere()).silhouettes
+    assert sorted(silhouette.box for silhouette in found) == [(40, 30, 60, 50), (60, 50, 80, 70)]
+
+
 def test_red_and_blue_are_not_swapped_and_a_hue_beyond_zero_still_counts():
     """Images are RGB. Reds lie on both ends of the hue circle."""
     assert len(DETECTOR.detect(scene((60, 50, 14, BLUE)), Everywhere())) == 0

@@ -119,6 +119,13 @@ def test_a_point_at_the_very_edge_of_what_a_camera_sees_has_no_width_in_metres_a
     np.testing.assert_array_equal(both, motorplan_landscape(seen, fixed(), metres=0.05)["camera"])
 
 
+def test_a_row_that_is_nan_in_one_coordinate_only_is_dropped_too():
+    rows = np.array([[np.nan, 5.0], [100.0, 90.0], [4.0, np.nan], [np.inf, 3.0]])
+    landscape = pixel_landscapes({"camera": rows}, {"camera": SHAPE})["camera"]
+    expected = pixel_landscapes({"camera": rows[1:2]}, {"camera": SHAPE})["camera"]
+    np.testing.assert_array_equal(landscape, expected)
+
+
 def test_a_camera_that_has_all_of_it_behind_is_left_out_and_all_cameras_is_an_error():
     projection = fixed(front=AHEAD, back=BEHIND)
     assert list(motorplan_landscape([[0.0, 0.0, 0.5]], projection)) == ["front"]
