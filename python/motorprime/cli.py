@@ -91,6 +91,7 @@ def reach(
 
     Exit code: 0 when the palm arrived, 1 when it did not, 2 for an error, 130 when interrupted.
     """
+    image_size = _size(size)
     from .demo import ReachOptions, run_reach
 
     options = ReachOptions(
@@ -99,7 +100,7 @@ def reach(
         runs=runs,
         windows=windows,
         width=width,
-        size=_size(size),
+        size=image_size,
         noise=noise,
         clutter=clutter,
         glass=glass,
