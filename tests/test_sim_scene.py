@@ -64,8 +64,15 @@ def test_things_keep_their_distances(seed):
     offsets = places - drawn.glass_xy
     gaps = np.linalg.norm(offsets, axis=1)
     assert (gaps >= drawn.glass.radius + radii + 0.05).all()
-    beside = (offsets[:, 0] > -0.02) | (offsets[:, 1] > 0.0)  # nearer or to the right: the hand's side
-    assert (gaps[beside] >= 0.24).all()
+    near = offsets[:, 0] > -0.02  # where the eyes look from
+    assert (gaps[near] >= 0.24).all()
+    beside = offsets[:, 1] > -drawn.glass.radius - radii  # to the right, where the hand comes from
+    assert (offsets[beside, 0] <= -0.12).all()
+
+
+def test_all_kitchenware_always_finds_a_place():
+    for seed in range(40, 400):
+        assert len(layout(seed, clutter=6).clutter) == 6
 
 
 def test_no_clutter_is_fine_and_a_layout_without_it_has_none():

@@ -1,6 +1,5 @@
 """The finder: what it remembers, when it reports, and where the windows fall. No simulator is needed."""
 
-import cv2
 import numpy as np
 import pytest
 
@@ -10,6 +9,7 @@ from motorprime.cylinder import Cylinder, outline
 from motorprime.landscape import gaussian_landscape
 from motorprime.tasks.explore import Finder, Target, everywhere, windows_anywhere, windows_from
 from motorprime.tasks.timing import Stages
+from painted_body import inside
 
 CAMERA = Camera(width=320, height=240, fx=257.34, fy=257.34, cx=160.0, cy=120.0)
 GLASS = Cylinder(0.0325, 0.10)
@@ -34,7 +34,7 @@ def picture(*shapes):
     """A grey picture with filled polygons (points, colour), later ones in front."""
     image = np.full((240, 320, 3), GREY, np.uint8)
     for points, colour in shapes:
-        cv2.fillConvexPoly(image, np.rint(np.asarray(points)).astype(np.int32), colour)
+        image[inside(points, image.shape[:2])] = colour
     return image
 
 
