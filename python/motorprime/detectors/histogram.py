@@ -131,7 +131,7 @@ class HistogramDetector:
     label: str = "target"
     window: int = 20
     stride: int = 4
-    hit: float = 0.15
+    hit: float = 0.08
     min_area: int = 24
     model: NDArray[np.float32] = field(init=False, repr=False)
     _lookup: NDArray[np.uint8] = field(init=False, repr=False)

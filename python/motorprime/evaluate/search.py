@@ -77,12 +77,15 @@ def _scene(
     def judge(finder: Finder, where: Callable[[], Mapping[str, Where]], cycles: int) -> Outcome:
         return _search(finder, images, views, where, cycles, truth, centre)
 
+    finder = Finder(target)
     try:
         looks = attention.peripersonal(joints, mixing=MIXING)
     except NotInViewError:
         looks = {}
     return {
-        "attended": judge(Finder(target), lambda: windows_from(looks, WINDOWS, SIZE, generator), limit),
+        "attended": judge(
+            finder, lambda: windows_from(finder.complete(looks, views), WINDOWS, SIZE, generator), limit
+        ),
         "uniform": judge(Finder(target), lambda: windows_anywhere(shapes, WINDOWS, SIZE, generator), limit),
         "full": judge(Finder(target), lambda: everywhere(shapes), 1),
         "covered": float(np.mean([looks[c].covered if c in looks else 0.0 for c in shapes])),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -13,11 +14,16 @@ from ..camera import PosedCamera
 from ..cylinder import Cylinder, Located, locate_cylinder
 from ..detectors import Everywhere, HistogramDetector, Silhouette, Where, Windows
 from ..detectors.histogram import Search, merge
+from ..errors import NotInViewError
+from ..motorplan import pixel_landscapes
 from .timing import Stages
 
 MIN_EXPLAINED, MIN_VISIBLE = 0.8, 0.4
 """A position is reported when in every eye its outline covers this fraction of what was segmented, and this
 fraction of its outline was segmented: the rest may be hidden."""
+
+SIGHT = (0.1, 0.8)
+"""Depths [m] at which something within reach may be."""
 
 Images = Mapping[str, NDArray[np.uint8]]
 
@@ -85,6 +91,25 @@ class Finder:
         pixels = sum(image.shape[0] * image.shape[1] for image in images.values())
         looked = sum(int(np.count_nonzero(search.attended)) for search in searches.values())
         return Sight(located, where, searches, looked / pixels)
+
+    def complete(self, looks: Mapping[str, Look], views: Mapping[str, PosedCamera]) -> dict[str, Look]:
+        """Give a camera without a landscape one along the epipolar line of what another camera has hit.
+
+        A camera has none when hardly any of the reachable space is in its view; the target may be.
+        """
+        completed = dict(looks)
+        for camera, view in views.items():
+            hits = [other for other in views if other != camera and self.memory.get(other)]
+            if camera in looks or not hits:
+                continue
+            origin, directions = views[hits[0]].rays(self.memory[hits[0]][0].centroid[None])
+            points = origin + np.linspace(*SIGHT, 40)[:, None] * directions
+            with contextlib.suppress(NotInViewError):
+                line = {camera: view.project(points)}
+                look = Look(pixel_landscapes(line, {camera: view.camera.shape})[camera])
+                if not look.is_empty:
+                    completed[camera] = look
+        return completed
 
     def _remember(self, camera: str, found: Sequence[Silhouette]) -> None:
         """Keep regions that are new; one that grew, because something moved away, replaces its old self."""

@@ -28,8 +28,8 @@ from .timing import Clock, Stages
 PERIOD = 0.1  # of a vision cycle [s]
 GAZE_SPEED = 1.2  # of the fastest joint when the gaze turns [rad/s]
 FIRMNESS = 6.0
-"""On the way the posture blends from the start's to the pre-grasp's. Held this firmly it bends off its place by
-millimetres, where it would otherwise follow the path into a dead end of the joint limits."""
+"""On the way the posture blends from the start's to the pre-grasp's. Held this firmly it bends off the path by
+millimetres, where it would otherwise follow it into a dead end of the joint limits."""
 JOINT_SPEED = 2.0  # of the fastest joint of arm and torso [rad/s]
 PALM_SPEED = 0.16  # mean speed of the palm on its way [m/s]
 ARRIVED = 0.004  # the palm's distance from its goal, by the encoders [m]
@@ -223,6 +223,7 @@ class Reach:
             return None
         with self.stages.time("landscape"):
             looks = self.attention.peripersonal_from(fits, mixing=self.settings.mixing)
+            looks = self.finder.complete(looks, self.projection.posed(joints))
         return self._look(phase, joints, images, looks, before)
 
     def _look(
@@ -257,7 +258,7 @@ class Reach:
         )
 
     def _believe(self, located: Located) -> None:
-        """Average a place with the last ones nearby; take it as it is when it is seen better, or is a jump."""
+        """Average a place with the last ones nearby; take it as it is when seen better, or after a jump."""
         self._trust *= FADING
         jumped = self.estimate is None or np.linalg.norm(located.centre - self.estimate) > JUMP
         if jumped or located.overlap > self._trust + BETTER:
