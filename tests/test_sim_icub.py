@@ -232,6 +232,19 @@ def test_half_a_robot_is_replaced(tmp_path, monkeypatch):
     assert not (urdf.parent / "head.stl").exists()
 
 
+def test_a_robot_that_lost_a_mesh_is_composed_again(tmp_path, monkeypatch):
+    def with_mesh(folder):
+        (folder / "icub.urdf").write_text("<robot><link><mesh filename='head.stl'/></link></robot>")
+        (folder / "head.stl").write_text("a head")
+
+    monkeypatch.setattr(composing, "_compose_into", with_mesh)
+    head = compose(tmp_path).with_name("head.stl")
+    head.unlink()
+    compose(tmp_path)
+    assert head.exists()
+    assert not leftovers(tmp_path)
+
+
 def test_two_processes_share_one_cache(tmp_path, icub):
     command = [sys.executable, "-c", "from motorprime.sim.icub import load_icub; print(load_icub().urdf)"]
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}

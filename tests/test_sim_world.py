@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from motorprime import ArgumentError, KinematicProjection
+from motorprime import ArgumentError, KinematicProjection, StateError
 from motorprime.sim import world as world_module
 from motorprime.sim.world import STEP, World
 
@@ -172,6 +172,15 @@ def test_closing_twice_is_no_error_and_frees_the_client(icub):
     world.close()
     world.close()
     assert not world.bullet.isConnected()
+
+
+def test_a_robot_that_has_gone_is_named_and_leaves_no_client(icub, tmp_path, capfd, monkeypatch):
+    client = world_module.connect()
+    monkeypatch.setattr(world_module, "connect", lambda gui: client)
+    with pytest.raises(StateError, match=r"robot: pybullet cannot load .*gone\.urdf"):
+        World(icub.with_urdf(tmp_path / "gone.urdf"))
+    assert capfd.readouterr().out == ""
+    assert not client.isConnected()
 
 
 def test_two_worlds_do_not_share_anything(world, fresh):

@@ -53,12 +53,21 @@ def compose(cache: Path | None = None) -> Path:
         raise MissingExtraError("the simulated iCub", "sim") from None
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "motorprime"
     folder = (cache or base) / f"icub-{_fingerprint(version)}"
-    if not (folder / "icub.urdf").exists():
+    if not _complete(folder):
         try:
             _compose_aside(folder)
         except OSError as error:
             raise StateError(f"cache: cannot write into {folder.parent}: {error.strerror}") from None
     return folder / "icub.urdf"
+
+
+def _complete(folder: Path) -> bool:
+    """Whether the URDF is there with all its meshes: something may have tidied the cache."""
+    try:
+        robot = ET.parse(folder / "icub.urdf")
+    except (OSError, ET.ParseError):
+        return False
+    return all((folder / mesh.get("filename", "")).is_file() for mesh in robot.iter("mesh"))
 
 
 def _compose_aside(folder: Path) -> None:
@@ -74,7 +83,7 @@ def _compose_aside(folder: Path) -> None:
         try:
             built.rename(folder)
         except OSError:
-            if not (folder / "icub.urdf").exists():
+            if not _complete(folder):
                 shutil.rmtree(folder, ignore_errors=True)
                 built.rename(folder)
 

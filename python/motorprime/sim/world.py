@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._arrays import Floats, fixed
-from ..errors import ArgumentError, MissingExtraError
+from ..errors import ArgumentError, MissingExtraError, StateError
 from ..kinematics import transform
 from ..robot import Robot
 from ..silence import silenced
@@ -46,6 +46,9 @@ class World:
     Args:
         robot: the robot, with its URDF.
         gui: open pybullet's window instead of running headless.
+
+    Raises:
+        StateError: pybullet cannot load the URDF.
     """
 
     def __init__(self, robot: Robot, *, gui: bool = False) -> None:
@@ -57,7 +60,12 @@ class World:
         if gui:
             self.bullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0)
             self.bullet.resetDebugVisualizerCamera(1.1, 230, -25, [-0.2, 0.0, 0.1])
-        self.body: int = self.bullet.loadURDF(str(robot.urdf), useFixedBase=True)
+        try:
+            with silenced(1):
+                self.body: int = self.bullet.loadURDF(str(robot.urdf), useFixedBase=True)
+        except pybullet.error:
+            self.close()
+            raise StateError(f"robot: pybullet cannot load {robot.urdf}, or a mesh of it") from None
         self.joint_index: dict[str, int] = {}
         self.link_index: dict[str, int] = {robot.root: -1}
         for k in range(self.bullet.getNumJoints(self.body)):
