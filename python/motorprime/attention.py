@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ._arrays import Floats
 from .detectors.base import Mask, Windows
-from .errors import ArgumentError, NotInViewError, StateError
+from .errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
 from .landscape import KernelName, gaussian_landscape, gibbs_sample, threshold
 from .motorplan import motorplan_landscape, pixel_landscapes
 from .peripersonal import ProjectedGaussian, ReachCloud, covered, fit_peripersonal
@@ -30,6 +30,13 @@ class Look:
     """
 
     landscape: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        kind = getattr(self.landscape, "dtype", type(self.landscape).__name__)
+        if kind != np.float32 or np.ndim(self.landscape) != 2:
+            raise ArgumentTypeError(
+                f"landscape: a float32 array (H, W) expected, got {kind} {np.shape(self.landscape)}"
+            )
 
     @property
     def covered(self) -> float:

@@ -75,6 +75,10 @@ def reach(
     ] = 2.0,
     clutter: Annotated[int, typer.Option(min=0, max=6, help="Other kitchenware on the table.")] = 4,
     glass: Annotated[bool, typer.Option(help="Whether the glass stands on the table at all.")] = True,
+    glass_at: Annotated[
+        str | None,
+        typer.Option(help="Where it stands, X,Y in metres in the root frame (x points backwards, y right)."),
+    ] = None,
     video: Annotated[bool, typer.Option(help="Write a video of the run.")] = True,
     gui: Annotated[bool, typer.Option("--gui", help="Watch in pybullet's window.")] = False,
     as_json: Annotated[
@@ -91,7 +95,7 @@ def reach(
 
     Exit code: 0 when the palm arrived, 1 when it did not, 2 for an error, 130 when interrupted.
     """
-    image_size = _size(size)
+    image_size, place = _size(size), _place(glass_at)
     from .demo import ReachOptions, run_reach
 
     options = ReachOptions(
@@ -104,6 +108,7 @@ def reach(
         noise=noise,
         clutter=clutter,
         glass=glass,
+        glass_at=place,
         video=video,
         gui=gui,
     )
@@ -123,6 +128,18 @@ def _size(text: str) -> tuple[int, int]:
     if max(width, height) > LARGEST:  # the renderer would die of it, and no report be written
         raise typer.BadParameter(f"'{text}' is larger than {LARGEST}x{LARGEST}", param_hint="--size")
     return width, height
+
+
+def _place(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(
+            f"'{text}' is not X,Y in metres, e.g. -0.3,0.1", param_hint="--glass-at"
+        ) from None
+    return x, y
 
 
 @evaluate.command("projection")

@@ -42,6 +42,7 @@ class ReachOptions:
     noise: float
     clutter: int
     glass: bool
+    glass_at: tuple[float, float] | None
     video: bool
     gui: bool
 
@@ -69,6 +70,7 @@ def _run_into(folder: Path, options: ReachOptions, console: Console) -> dict[str
         options.seed,
         settings=settings,
         glass=options.glass,
+        glass_at=options.glass_at,
         clutter=options.clutter,
         noise=options.noise,
         gui=options.gui,

@@ -122,7 +122,7 @@ class ReachSolver:
         if best is None:
             raise UnreachableError(
                 f"target: out of reach at {np.round(centre, 3)} m; the palm comes within "
-                f"{nearest * 100:.1f} cm of a pre-grasp at best"
+                f"{nearest * 100:.1f} cm of a pre-grasp at best, or cannot face the object from there"
             )
         return best[1]
 

@@ -203,8 +203,7 @@ class HistogramDetector:
             return where.corners((height, width))
         if min(height, width) < self.window:
             raise ArgumentError(f"image: {width} x {height} is smaller than the window of {self.window} px")
-        us = np.arange(0, width - self.window + 1, self.stride)
-        vs = np.arange(0, height - self.window + 1, self.stride)
+        us, vs = (_steps(length - self.window, self.stride) for length in (width, height))
         grid = np.stack(np.meshgrid(us, vs), axis=-1).reshape(-1, 2)
         if isinstance(where, Everywhere):
             return grid
@@ -291,6 +290,11 @@ class HistogramDetector:
             centroid=np.add(centroids[best], (u0, v0)),
             score=score,
         )
+
+
+def _steps(last: int, stride: int) -> NDArray[np.intp]:
+    """0, stride, ... and ``last``, so that the far border is scanned too."""
+    return np.unique(np.append(np.arange(0, last + 1, stride), last))
 
 
 def _hsv(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:

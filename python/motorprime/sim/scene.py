@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._arrays import Floats
-from ..errors import StateError
+from ..errors import ArgumentError, StateError
 from .meshes import write_lathe, write_plane
 from .world import World, pybullet
 
 TABLE_HEIGHT = -0.06  # of the table's top in the root frame [m]: elbow height of an upright iCub
 TABLE_THICKNESS = 0.03
+REGION = ((-0.34, -0.22), (0.0, 0.20))  # x and y where a drawn glass stands [m]
 HAND_ROOM = 0.12  # depth of the free strip beside and before the glass, counted from its axis [m]
 TABLE_X, TABLE_Y = (-0.62, -0.15), (-0.45, 0.45)
 
@@ -73,7 +74,7 @@ def draw_layout(
     generator: np.random.Generator,
     *,
     glass: Glass | None = None,
-    region: tuple[tuple[float, float], tuple[float, float]] = ((-0.34, -0.22), (0.0, 0.20)),
+    at: tuple[float, float] | None = None,
     clutter: int = 4,
 ) -> Layout:
     """A random layout with room for a hand beside the glass.
@@ -81,14 +82,16 @@ def draw_layout(
     Args:
         generator: draws everything.
         glass: the target; default a glass of 6.5 x 10 cm.
-        region: ranges of the glass's x and y [m] in the root frame.
+        at: the glass's x and y [m] in the root frame; drawn within the arm's reach if not given.
         clutter: pieces of kitchenware.
 
     Raises:
+        ArgumentError: ``at`` is not on the table.
         StateError: that many things do not fit.
     """
     glass = glass or Glass()
-    place = np.array([generator.uniform(*bounds) for bounds in region])
+    drawn = np.array([generator.uniform(*bounds) for bounds in REGION])
+    place = drawn if at is None else _on_table(at, glass)
     placed: list[tuple[Thing, Floats]] = []
     order = generator.permutation(len(KITCHENWARE))
     for k in range(clutter):
@@ -104,13 +107,26 @@ def draw_layout(
                 placed.append((thing, spot))
                 break
         else:
-            raise StateError(f"clutter: {clutter} things do not fit on the table beside the glass")
+            raise StateError(
+                f"clutter: {clutter} things do not fit on the table beside the glass; ask for fewer"
+            )
     return Layout(
         glass,
         (float(place[0]), float(place[1])),
         tuple((thing, (float(spot[0]), float(spot[1]))) for thing, spot in placed),
         int(generator.integers(2**31)),
     )
+
+
+def _on_table(at: tuple[float, float], glass: Glass) -> Floats:
+    """``at`` when the whole foot of the glass stands on the table there."""
+    for value, (low, high), axis in zip(at, (TABLE_X, TABLE_Y), "xy", strict=True):
+        if not low + glass.radius <= value <= high - glass.radius:
+            raise ArgumentError(
+                f"at: {axis} = {value} m is not on the table; from {low + glass.radius:.3f} to "
+                f"{high - glass.radius:.3f} m the glass stands on it"
+            )
+    return np.array(at, dtype=np.float64)
 
 
 def _has_room(

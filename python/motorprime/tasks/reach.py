@@ -28,7 +28,7 @@ from .timing import Clock, Stages
 PERIOD = 0.1  # of a vision cycle [s]
 GAZE_SPEED = 1.2  # of the fastest joint when the gaze turns [rad/s]
 FIRMNESS = 6.0
-"""On the way the posture blends from the start's to the pre-grasp's. Held this firmly it bends off the path by
+"""On the way the posture blends from the start's to the pre-grasp's. Held so firmly it bends off the path by
 millimetres, where it would otherwise follow it into a dead end of the joint limits."""
 JOINT_SPEED = 2.0  # of the fastest joint of arm and torso [rad/s]
 PALM_SPEED = 0.16  # mean speed of the palm on its way [m/s]

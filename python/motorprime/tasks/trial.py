@@ -54,6 +54,7 @@ class Trial:
         cloud: the reachable space; drawn when not given.
         target: what the robot is told of the glass; shown to it when not given.
         glass: whether a glass stands there at all.
+        glass_at: its x and y [m] in the root frame; drawn within reach when not given.
         clutter: pieces of other kitchenware.
         noise: of the eyes' sensors [grey levels].
         gui: open pybullet's window.
@@ -68,12 +69,13 @@ class Trial:
         cloud: ReachCloud | None = None,
         target: Target | None = None,
         glass: bool = True,
+        glass_at: tuple[float, float] | None = None,
         clutter: int = 4,
         noise: float = 2.0,
         gui: bool = False,
     ) -> None:
         generator = np.random.default_rng(seed)
-        layout = draw_layout(generator, clutter=clutter)
+        layout = draw_layout(generator, at=glass_at, clutter=clutter)
         stage = Stage(robot, layout, noise=noise, seed=int(generator.integers(2**31)), gui=gui)
         with ExitStack() as unwinding:  # closes the simulator when no start is found
             self.stage = unwinding.enter_context(stage)
