@@ -38,6 +38,12 @@ class Cylinder:
         positive("radius", self.radius)
         positive("height", self.height)
 
+    def distance(self, points: Floats) -> Floats:
+        """Distance (N,) [m] of points (N, 3), given from the cylinder's centre, to its surface; 0 inside."""
+        beside = np.maximum(np.hypot(points[:, 0], points[:, 1]) - self.radius, 0.0)
+        above = np.maximum(np.abs(points[:, 2]) - self.height / 2, 0.0)
+        return np.hypot(beside, above)
+
 
 @dataclass(frozen=True)
 class Located:

@@ -104,7 +104,4 @@ def _clearance(curve: PalmPath, cylinder: Cylinder, centre: Floats) -> float:
     places = places[np.linalg.norm(places - curve.goal, axis=1) > 0.03] - centre
     if not len(places):
         return np.inf
-    beside = np.hypot(places[:, 0], places[:, 1]) - cylinder.radius
-    above = np.abs(places[:, 2]) - cylinder.height / 2
-    outside = np.hypot(np.maximum(beside, 0.0), np.maximum(above, 0.0))
-    return float(np.min(np.where((beside < 0.0) & (above < 0.0), -1.0, outside)))
+    return float(cylinder.distance(places).min())

@@ -7,6 +7,7 @@ object's axis from ``STANDOFF`` away, its fingers level; from which side is the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -80,11 +81,21 @@ class ReachSolver:
         self.rest = np.clip(robot.resting(self.names), self.limits[:, 0], self.limits[:, 1])
         stiff = np.array([5.0 if name in robot.torso else 1.0 for name in self.names])
         self.comfort = COMFORT * stiff
+        self._limbs = [robot.tree.chain(robot.root, link) for link in robot.guarded]
+        for link, limb in zip(robot.guarded, self._limbs, strict=True):
+            if limb.names != self.names[: len(limb.names)]:
+                raise ArgumentError(f"guarded: link '{link}' is not on the way to the palm")
         self._guards = [] if bench is None else self._guard(bench)
 
     def palm(self, angles: Floats) -> Floats:
         """Pose (4, 4) of the palm."""
         return self.chain.forward(angles) @ self.robot.palm.frame
+
+    def forearm(self, angles: Floats) -> Floats:
+        """Points (N, K, 3) [m] along the guarded links at postures (N, n) [rad]: elbow, wrist, between."""
+        joints = [limb.forward(angles[:, : len(limb.names)])[:, :3, 3] for limb in self._limbs]
+        middles = [(a + b) / 2 for a, b in pairwise(joints)]
+        return np.stack([*joints, *middles], axis=1) if joints else np.zeros((len(angles), 0, 3))
 
     def pregrasp(self, centre: Floats, start: Floats, *, tolerance: float = 0.004) -> Pregrasp:
         """The most comfortable pre-grasp of an object centred at ``centre`` (3,) [m].
@@ -194,16 +205,11 @@ class ReachSolver:
 
     def _guard(self, bench: Bench) -> list[_Guard]:
         """The points of the arm that must stay above the bench."""
-        robot = self.robot
-        for link in robot.guarded:
-            names = robot.tree.chain(robot.root, link).names
-            if names != self.names[: len(names)]:
-                raise ArgumentError(f"guarded: link '{link}' is not on the way to the palm")
         guards = [
-            _Guard(robot.tree.chain(robot.root, link), np.zeros((1, 3)), bench, clearance)
-            for link, clearance in robot.guarded.items()
+            _Guard(limb, np.zeros((1, 3)), bench, clearance)
+            for limb, clearance in zip(self._limbs, self.robot.guarded.values(), strict=True)
         ]
-        return [*guards, _Guard(self.chain, apply(robot.palm.frame, HAND), bench, HAND_CLEARANCE)]
+        return [*guards, _Guard(self.chain, apply(self.robot.palm.frame, HAND), bench, HAND_CLEARANCE)]
 
     def _dips(self, angles: Floats) -> list[float]:
         """How far each guarded point of the arm lies below its clearance over the bench [m]."""

@@ -19,7 +19,7 @@ from .world import World, pybullet
 TABLE_HEIGHT = -0.06  # of the table's top in the root frame [m]: elbow height of an upright iCub
 TABLE_THICKNESS = 0.03
 REGION = ((-0.34, -0.22), (0.0, 0.20))  # x and y where a drawn glass stands [m]
-HAND_ROOM = 0.12  # depth of the free strip beside and before the glass, counted from its axis [m]
+HAND_ROOM = 0.16  # depth of the free strip beside and before the glass, from its axis [m]: fingers are long
 TABLE_X, TABLE_Y = (-0.62, -0.15), (-0.45, 0.45)
 
 
@@ -139,7 +139,7 @@ def _has_room(
         return False
     # The eyes look from the near side, and the hand comes from the right: keep both free, the latter up to
     # the table's edge, because whoever reaches here does not see obstacles yet.
-    if offset[0] > -HAND_ROOM and offset[1] > -glass.radius - thing.radius:
+    if offset[0] > -HAND_ROOM - thing.radius and offset[1] > -glass.radius - thing.radius:
         return False
     return not (offset[0] > -0.02 and np.linalg.norm(offset) < 0.24)
 

@@ -32,7 +32,8 @@ FIRMNESS = 6.0
 millimetres, where it would otherwise follow it into a dead end of the joint limits."""
 JOINT_SPEED = 2.0  # of the fastest joint of arm and torso [rad/s]
 PALM_SPEED = 0.16  # mean speed of the palm on its way [m/s]
-ARRIVED = 0.004  # the palm's distance from its goal, by the encoders [m]
+ARM_RADIUS = 0.05  # of the forearm, and a little [m]
+ARRIVED = 0.002  # the palm's distance from its goal, by the encoders [m]
 FADING = 0.98  # of the trust in an old estimate, per sighting
 BETTER = 0.1  # silhouettes that overlap so much more with the prediction are seen better
 JUMP = 0.03  # a larger change of the estimate is a new place, not noise [m]
@@ -161,6 +162,8 @@ class Reach:
         yield from self._fixate()
         try:
             self.pregrasp = self.solver.pregrasp(self.estimate, self._angles())
+            if self._arm_would_sweep_target():
+                self._put_hand_aside()
         except UnreachableError as error:
             self._end("refused", str(error))
             return
@@ -295,6 +298,14 @@ class Reach:
                 return
             except UnreachableError:
                 continue
+
+    def _arm_would_sweep_target(self) -> bool:
+        """Whether forearm or elbow would brush the target on the straight way from here to the pre-grasp."""
+        assert self.pregrasp is not None and self.estimate is not None
+        shares = np.linspace(0.0, 1.0, 25)[:, None]
+        angles = (1.0 - shares) * self._angles() + shares * self.pregrasp.angles
+        places = self.solver.forearm(angles).reshape(-1, 3)
+        return bool((self.target.shape.distance(places - self.estimate) < ARM_RADIUS).any())
 
     def _put_hand_aside(self) -> None:
         """Move the hand out of the view: it may hide what is searched."""
