@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from motorprime import Look, Windows
 from motorprime.cylinder import Located
 from motorprime.detectors.histogram import Search, Silhouette
+from motorprime.tasks.cycle import Cycle, FullFrame
 from motorprime.tasks.explore import Sight
 
 SHAPE = (60, 80)
@@ -16,10 +16,6 @@ CAMERAS = ("left", "right")
 
 def cycle(phase="reach", k=0, *, found=True, looks=True, full=True, path=True, attended=0.2):
     """One cycle of two small cameras; ``k`` moves everything a little."""
-    # The task's own dataclasses, so that a change of theirs is noticed; its module needs the simulator.
-    reach = pytest.importorskip(
-        "motorprime.tasks.reach", reason="install the extra 'sim'", exc_type=ImportError
-    )
     generator = np.random.default_rng(k)
     images = {c: generator.integers(0, 255, (*SHAPE, 3), dtype=np.uint8) for c in CAMERAS}
     landscape = np.zeros(SHAPE, np.float32)
@@ -33,7 +29,7 @@ def cycle(phase="reach", k=0, *, found=True, looks=True, full=True, path=True, a
         mask,
     )
     centre = np.array([-0.3, 0.1, 0.05])
-    return reach.Cycle(
+    return Cycle(
         phase=phase,
         time=0.1 * k,
         joints=np.zeros(9),
@@ -59,9 +55,7 @@ def cycle(phase="reach", k=0, *, found=True, looks=True, full=True, path=True, a
         else {},
         estimate=centre if found else None,
         goal=centre + 0.05 if phase == "reach" else None,
-        full=reach.FullFrame(0.06, 0.001, Located(centre, 0.9, 0.9, 0.9) if found else None)
-        if full
-        else None,
+        full=FullFrame(0.06, 0.001, Located(centre, 0.9, 0.9, 0.9) if found else None) if full else None,
     )
 
 

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from motorprime import Camera, Everywhere, HistogramDetector, PosedCamera, Windows
+from motorprime import Camera, Error, Everywhere, HistogramDetector, PosedCamera, Windows
 from motorprime.attention import Look
 from motorprime.cylinder import Cylinder, outline
 from motorprime.landscape import gaussian_landscape
+from motorprime.tasks.cycle import Settings
 from motorprime.tasks.explore import Finder, Target, everywhere, windows_anywhere, windows_from
 from motorprime.tasks.timing import Stages
 from painted_body import inside
@@ -234,3 +235,23 @@ def test_stages_add_up_by_the_clock_that_is_passed():
         raise KeyError
     assert stages.seconds == {"detection": [1.0, 3.0], "sampling": [0.5]}
     assert stages.medians_ms() == {"detection": 2000.0, "sampling": 500.0}
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"windows": 0},
+        {"windows": 2.5},
+        {"size": 0},
+        {"patience": 0},
+        {"postures": True},
+        {"mixing": 1.5},
+        {"mixing": float("nan")},
+        {"width": 0.0},
+        {"width": float("inf")},
+    ],
+    ids=str,
+)
+def test_settings_that_cannot_work_are_refused_by_name(wrong):
+    with pytest.raises(Error, match=next(iter(wrong))):
+        Settings(**wrong)

@@ -14,7 +14,8 @@ from motorprime.kinematics import apply
 from motorprime.sim.cameras import Eyes
 from motorprime.sim.scene import Glass, Layout, Scene
 from motorprime.sim.world import World, pybullet
-from motorprime.tasks.reach import PERIOD, Reach, Settings
+from motorprime.tasks.cycle import Settings
+from motorprime.tasks.reach import PERIOD, Reach
 from motorprime.tasks.simulated import SimulatedBody
 from motorprime.tasks.staging import Stage, strike_start, target_of
 from motorprime.tasks.trial import BENCH, TOLERANCE, Trial
@@ -59,7 +60,8 @@ import sys
 sys.modules["pybullet"] = None
 sys.path.insert(0, {str(sys.path[0])!r}); sys.path.insert(0, "tests")
 from motorprime import ICUB, Attention, KinematicProjection, ReachCloud
-from motorprime.tasks.reach import PERIOD, Reach, Settings
+from motorprime.tasks.cycle import Settings
+from motorprime.tasks.reach import PERIOD, Reach
 from painted_body import BENCH, PaintedBody, target
 robot = ICUB.with_urdf({str(icub.urdf)!r})
 attention = Attention(KinematicProjection(robot), cloud=ReachCloud(robot))

@@ -18,7 +18,7 @@ from .errors import ArgumentError
 from .recording import Recording, fresh_folder
 from .sim.bystander import Bystander
 from .sim.icub import load_icub
-from .tasks.reach import Cycle, Settings
+from .tasks.cycle import Cycle, Settings
 from .tasks.trial import Trial, Verdict
 
 PHASES = {

@@ -29,7 +29,7 @@ from .video import NoVideo, VideoWriter, video_frame
 from .viz import Picture, stereo_panel
 
 if TYPE_CHECKING:
-    from .tasks.reach import Cycle
+    from .tasks.cycle import Cycle
 
 QUALITY = 88  # of JPEG pictures
 

@@ -25,7 +25,7 @@ from .viz import (
 )
 
 if TYPE_CHECKING:
-    from .tasks.reach import Cycle
+    from .tasks.cycle import Cycle
 
 RATE = 10  # frames, and vision cycles, per second
 HOLD = 1.0  # how long the last frame stays [s]

@@ -20,7 +20,7 @@ from .detectors.base import check_image
 from .errors import ArgumentError
 
 if TYPE_CHECKING:
-    from .tasks.reach import Cycle
+    from .tasks.cycle import Cycle
 
 Picture: TypeAlias = NDArray[np.uint8]
 Colour: TypeAlias = tuple[int, int, int]

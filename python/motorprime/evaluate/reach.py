@@ -9,7 +9,7 @@ import numpy as np
 from ..peripersonal import ReachCloud
 from ..robot import Robot
 from ..sim.scene import Glass
-from ..tasks.reach import Settings
+from ..tasks.cycle import Settings
 from ..tasks.staging import target_of
 from ..tasks.trial import Trial, Verdict
 from .common import Progress

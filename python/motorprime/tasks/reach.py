@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,8 @@ from ..cylinder import Located
 from ..errors import ArgumentTypeError, NotInViewError, UnreachableError
 from ..projection import PosedProjection
 from .body import Body
-from .explore import Finder, Sight, Target, everywhere, windows_from
+from .cycle import Cycle, FullFrame, Settings
+from .explore import Finder, Target, everywhere, windows_from
 from .timing import Clock, Stages
 
 PERIOD = 0.1  # of a vision cycle [s]
@@ -40,71 +41,6 @@ JUMP = 0.03  # a larger change of the estimate is a new place, not noise [m]
 PLAN_POINTS = 50
 GOOD_VIEW = 0.7  # overlap of silhouettes below which something, perhaps the hand, hides the target
 HAND_IN_THE_WAY = 3  # postures searched in vain before the hand is put aside
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How the task looks and moves.
-
-    Attributes:
-        windows: fresh windows per eye and cycle; their ``size`` [px].
-        mixing: pi of Eq. 10 for the peripersonal search.
-        width: kernel width of the motor plan [px]; None for 40 at 320 x 240, scaled.
-        patience: cycles in one posture before the robot looks elsewhere.
-        postures: postures to search from before giving up.
-        compare: run the full-frame scan beside every cycle; its result is never used.
-    """
-
-    windows: int = 50
-    size: int = 20
-    mixing: float = 0.2
-    width: float | None = None
-    patience: int = 6
-    postures: int = 12
-    compare: bool = True
-
-
-@dataclass(frozen=True)
-class FullFrame:
-    """The full-frame scan beside a cycle: its time [s], a back-projection's, and what it located."""
-
-    seconds: float
-    back_projection: float
-    located: Located | None
-
-
-@dataclass(frozen=True)
-class Cycle:
-    """One vision cycle.
-
-    Attributes:
-        phase: 'search', 'fixate' or 'reach'.
-        time: since the start [s].
-        joints: gaze posture [rad].
-        images: what the eyes saw.
-        looks: the landscape in each camera that has one.
-        sight: where was looked and what was found.
-        path: planned points of the hand (N, 3) [m], and the same in each image.
-        estimate: where the target is believed to be (3,) [m].
-        palm: the palm's place by the encoders (3,) [m].
-        goal: the palm's pre-grasp point (3,) [m].
-        seconds: time of each stage [s].
-        full: the full-frame scan beside it.
-    """
-
-    phase: str
-    time: float
-    joints: Floats
-    images: Mapping[str, NDArray[np.uint8]]
-    looks: Mapping[str, Look]
-    sight: Sight
-    palm: Floats
-    seconds: Mapping[str, float]
-    path: Floats | None = None
-    path_pixels: Mapping[str, Floats] = field(default_factory=dict)
-    estimate: Floats | None = None
-    goal: Floats | None = None
-    full: FullFrame | None = None
 
 
 class Reach:

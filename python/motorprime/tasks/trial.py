@@ -13,8 +13,9 @@ from ..control.reaching import Bench
 from ..peripersonal import ReachCloud
 from ..robot import Robot
 from ..sim.scene import TABLE_HEIGHT, TABLE_X, Glass, draw_layout
+from .cycle import Settings
 from .explore import Target
-from .reach import Reach, Settings
+from .reach import Reach
 from .simulated import SimulatedBody
 from .staging import Stage, strike_start, target_of
 
