@@ -112,6 +112,13 @@ def test_what_the_library_needs_beyond_numpy_and_opencv_it_imports_where_it_need
     assert not top & {"scipy", "trimesh", "fast_simplification", "matplotlib", "icub_models", "safetensors"}
 
 
+@pytest.mark.parametrize("path", MODULES, ids=name)
+def test_modules_name_each_other_by_relative_imports(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and not node.level:
+            assert (node.module or "").split(".")[0] != "motorprime", ast.unparse(node)
+
+
 def test_library_and_kernels_draw_from_no_global_generator():
     for path in MODULES:
         calls = re.findall(r"np\.random\.(\w+)", path.read_text())
@@ -147,7 +154,7 @@ def _texts() -> list[Path]:
 
 def test_no_file_names_a_path_of_somebody_s_machine():
     """Nor a home folder: what is written down must work on any machine."""
-    homes = re.compile(r"(?<![\w.])/(work|root|home/\w+|Users/\w+)/")
+    homes = re.compile(rf"(?<![\w.])({re.escape(str(ROOT))}|/root|/home/\w+|/Users/\w+)/")
     for path in _texts():
         if path == Path(__file__) or path.name.startswith("."):
             continue

@@ -14,9 +14,9 @@ from os import PathLike
 import numpy as np
 import numpy.typing as npt
 
-from motorprime._arrays import Floats, finite, fixed, image_shape, integer, numbers, rows
-from motorprime.errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
-from motorprime.lens import Lens
+from ._arrays import Floats, finite, fixed, image_shape, integer, numbers, rows
+from .errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
+from .lens import Lens
 
 MIN_DEPTH = 0.01
 """A point nearer to the image plane than this [m] has no pixel."""
@@ -110,7 +110,7 @@ class Camera:
         shape: (height, width), for files that do not say the image's size. All-zero distortion becomes ().
         Raises :class:`ArgumentError` that names the file and the key.
         """
-        from motorprime.camera_files import read_opencv
+        from .camera_files import read_opencv
 
         return read_opencv(path, shape)
 
@@ -122,13 +122,13 @@ class Camera:
         interest are ignored. All-zero distortion becomes (). Raises :class:`ArgumentError` that names the
         file and the key, also for a distortion model other than plumb_bob and rational_polynomial.
         """
-        from motorprime.camera_files import read_camera_info
+        from .camera_files import read_camera_info
 
         return read_camera_info(path)
 
     def to_opencv_yaml(self, path: str | PathLike[str]) -> None:
         """Write a file that ``from_opencv_yaml`` and cv2.FileStorage read back to the last bit."""
-        from motorprime.camera_files import write_opencv
+        from .camera_files import write_opencv
 
         write_opencv(self, path)
 

@@ -10,10 +10,10 @@ from typing import TypeAlias
 import cv2
 import numpy as np
 
-from motorprime._arrays import Floats
-from motorprime.camera import Camera
-from motorprime.errors import ArgumentError, Error
-from motorprime.small_yaml import Value, parse
+from ._arrays import Floats
+from .camera import Camera
+from .errors import ArgumentError, Error
+from .small_yaml import Value, parse
 
 # What OpenCV's samples, its calibration tool, ROS and common programs around them write.
 _MATRIX = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "K", "k")

@@ -19,8 +19,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from motorprime import _core
-from motorprime.errors import ArgumentError, ArgumentTypeError
+from . import _core
+from .errors import ArgumentError, ArgumentTypeError
 
 __all__ = [
     "gaussian_landscape",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from typing import TypeAlias, Union
 
-from motorprime.errors import ArgumentError
+from .errors import ArgumentError
 
 Value: TypeAlias = Union[str, int, float, bool, "list[Value]", "dict[str, Value]", None]
 

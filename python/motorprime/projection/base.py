@@ -9,9 +9,9 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from motorprime._arrays import Floats, rows
-from motorprime.camera import Camera, PosedCamera
-from motorprime.errors import ArgumentError, ArgumentTypeError
+from .._arrays import Floats, rows
+from ..camera import Camera, PosedCamera
+from ..errors import ArgumentError, ArgumentTypeError
 
 MIN_ANGLE = 1e-3
 """Two rays that enclose a smaller angle [rad] are taken as parallel."""

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from motorprime._arrays import Floats, fixed, image_shape
-from motorprime.camera import Camera, PosedCamera
-from motorprime.errors import ArgumentError, ArgumentTypeError, StateError
-from motorprime.projection.base import PosedProjection
+from .._arrays import Floats, fixed, image_shape
+from ..camera import Camera, PosedCamera
+from ..errors import ArgumentError, ArgumentTypeError, StateError
+from .base import PosedProjection
 
 _SKEW = 1e-4  # relative to fx: 0.05 px at the edge of a 1000 px image
 
