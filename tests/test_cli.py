@@ -68,6 +68,14 @@ def test_help(run, command):
     assert "--help" in out
 
 
+@pytest.mark.parametrize("command", [[], ["evaluate"]], ids=" ".join)
+def test_commands_are_listed_in_whole_sentences_on_80_columns(run, monkeypatch, command):
+    monkeypatch.setenv("COLUMNS", "80")
+    _, out, _ = run(*command, "--help")
+    assert "..." not in out.partition("Commands:")[2]
+    assert max(map(len, out.splitlines())) <= 80
+
+
 def test_help_of_reach_says_what_it_leaves_and_its_exit_codes(run):
     _, out, _ = run("reach", "--help")
     for part in (
@@ -110,6 +118,7 @@ def test_without_the_extra_one_line_says_what_to_install(tmp_path, command):
         (["reach", "--size", "320"], "--size"),
         (["reach", "--size", "320x"], "--size"),
         (["reach", "--size", "0x240"], "--size"),
+        (["reach", "--size", "²x²"], "--size"),
         (["reach", "--size", "-320x240"], "--size"),
         (["reach", "--size", "320x240x3"], "--size"),
         (["reach", "--size", "50000x50000"], "--size"),

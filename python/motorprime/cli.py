@@ -59,7 +59,7 @@ def _root(
     pass
 
 
-@app.command()
+@app.command(short_help="Let the simulated iCub find a glass and reach for it.")
 def reach(
     seed: Seed = 1,
     name: Annotated[str | None, typer.Option(help="Name of the run's folder; default reach-SEED.")] = None,
@@ -122,7 +122,7 @@ def reach(
 
 def _size(text: str) -> tuple[int, int]:
     parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isdigit() and int(part) > 0 for part in parts):
+    if len(parts) != 2 or not all(part.isdecimal() and int(part) > 0 for part in parts):
         raise typer.BadParameter(f"'{text}' is not WIDTHxHEIGHT, e.g. 640x480", param_hint="--size")
     width, height = int(parts[0]), int(parts[1])
     if max(width, height) > LARGEST:  # the renderer would die of it, and no report be written
@@ -142,7 +142,7 @@ def _place(text: str | None) -> tuple[float, float] | None:
     return x, y
 
 
-@evaluate.command("projection")
+@evaluate.command("projection", short_help="Pixels between rendered balls and their projection.")
 def _projection(
     poses: Annotated[int, typer.Option(min=1, help="Random postures.")] = 200,
     seed: Seed = 0,
@@ -154,7 +154,7 @@ def _projection(
     _measure("projection", evaluate_projection, json_file, poses=poses, seed=seed)
 
 
-@evaluate.command("search")
+@evaluate.command("search", short_help="Cycles to find the glass: primed, anywhere, full scan.")
 def _search(
     scenes: Annotated[int, typer.Option(min=1, help="Scenes for each size of glass.")] = 100,
     seed: Seed = 0,
@@ -166,7 +166,7 @@ def _search(
     _measure("search", evaluate_search, json_file, scenes=scenes, seed=seed)
 
 
-@evaluate.command("reach")
+@evaluate.command("reach", short_help="How often the palm ends before the glass.")
 def _reach(
     trials: Annotated[int, typer.Option(min=1, help="Reaches from random starts.")] = 20,
     seed: Seed = 0,
