@@ -78,6 +78,22 @@ def test_places_to_look_that_are_wrong_are_named(make, name, error):
         make()
 
 
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Windows(np.array([[5, 5]])),
+        lambda: Mask(np.ones((4, 4), np.bool_)),
+        lambda: Tiles(np.array([[0, 0, 2, 2]])),
+        Detections,
+        lambda: HistogramDetector(np.full((60, 3), (200, 0, 0), np.uint8)),
+    ],
+)
+def test_values_that_hold_arrays_are_compared_by_identity_and_never_fail(make):
+    one = make()
+    assert one == one and one != make()
+    assert len({one, one}) == 1
+
+
 def test_no_detections_are_empty_arrays_of_the_right_shape():
     nothing = Detections()
     assert len(nothing) == 0 and nothing.attended == 0 and nothing.labels == ()

@@ -21,12 +21,15 @@ from .peripersonal import ProjectedGaussian, ReachCloud, covered, fit_periperson
 from .projection import Projection
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Look:
     """Where to look in one camera's image.
 
     Attributes:
-        landscape: (H, W) float32, not zero everywhere.
+        landscape: (H, W) float32, >= 0.
+
+    Raises:
+        ArgumentTypeError: the landscape is no float32 array of two dimensions.
     """
 
     landscape: NDArray[np.float32]
@@ -132,7 +135,12 @@ class Attention:
     ) -> dict[str, Look]:
         """Attention to a planned path (N, 3) [m] (Eq. 6-9); see :func:`motorplan_landscape`.
 
-        Cameras in whose image the path leaves no trace are left out.
+        Cameras in whose image the path leaves no trace are left out: all of them, and the result is empty,
+        when the path lies in front of the cameras and beside every image.
+
+        Raises:
+            ArgumentError: an empty path, NaN, or both widths given.
+            NotInViewError: no camera has any of the path in front of it.
         """
         landscapes = motorplan_landscape(
             path, self.projection, joints, width=width, metres=metres, kernel=kernel

@@ -27,7 +27,7 @@ MIN_INSIDE = 50
 """With fewer points inside the image, the reachable space is not in view."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ProjectedGaussian:
     """A bivariate Gaussian over an image.
 

@@ -18,7 +18,7 @@ class Everywhere:
     """Look at the whole image."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mask:
     """Look at the pixels that are set: ``mask`` (H, W) bool."""
 
@@ -30,7 +30,7 @@ class Mask:
             raise ArgumentTypeError(f"mask: a bool array (H, W) expected, got {kind} {np.shape(self.mask)}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Windows:
     """Look at square windows: ``centres`` (N, 2) integer (u, v), ``size`` pixels wide and high.
 
@@ -61,7 +61,7 @@ class Windows:
         return np.clip(corners, 0, (width - self.size, height - self.size))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tiles:
     """Look at rectangles: ``boxes`` (N, 4) integer (u0, v0, u1, v1), half-open."""
 
@@ -85,7 +85,7 @@ def _pixels(name: str, value: npt.ArrayLike) -> NDArray[np.integer]:
 Where: TypeAlias = Everywhere | Mask | Windows | Tiles
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Detections:
     """What was found, in pixels of the full image.
 

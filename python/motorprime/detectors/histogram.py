@@ -24,7 +24,7 @@ MIN_SATURATION, MIN_VALUE = 70, 25  # below, a hue means nothing
 GROW = 24  # pixels by which a segmentation's region grows where the silhouette touches its border
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Silhouette:
     """A connected region of the target's colour.
 
@@ -95,7 +95,7 @@ def merge(pieces: Sequence[Silhouette], *, gap: float = 0.5) -> Silhouette:
     return Silhouette(mask, (int(left), int(top)), centroid, largest.score)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Search:
     """Silhouettes that windows hit, the largest first, and what looking cost.
 
@@ -110,7 +110,7 @@ class Search:
     attended: NDArray[np.bool_]
 
 
-@dataclass
+@dataclass(eq=False)
 class HistogramDetector:
     """Find a target by its hues and saturations.
 
