@@ -273,3 +273,14 @@ def test_spans_take_level_edges_and_rows_without_any():
         np.testing.assert_array_equal(filled(np.array(square, np.float32), (5, 6)), expected)
         assert not filled(np.array(square) + 100, (5, 6)).any()
         assert not filled(np.array(square) - 100, (5, 6)).any()
+
+
+def test_silhouettes_that_a_lens_reaches_from_nowhere_give_no_position():
+    camera = Camera(640, 480, 300.0, 300.0, 319.5, 239.5, (-0.4, 0.0, 0.0, 0.0))
+    corner = Silhouette(np.ones((20, 20), np.bool_), (2, 2), np.array([11.5, 11.5]), 0.5)
+    assert np.isnan(camera.rays(corner.centroid[None])).all()
+    views = {
+        name: PosedCamera(camera, transform(np.eye(3), (x, 0.0, 0.0)))
+        for name, x in {"left": 0.0, "right": 0.068}.items()
+    }
+    assert locate_cylinder(views, dict.fromkeys(views, corner), GLASS) is None

@@ -45,7 +45,7 @@ class Cylinder:
         return np.hypot(beside, above)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Located:
     """A cylinder's position.
 
@@ -183,7 +183,7 @@ class _Seen:
 
 
 def _meet(views: list[PosedCamera], pixels: list[Floats]) -> Floats | None:
-    """Point (3,) nearest to the rays through one pixel of each camera, None behind or at infinity."""
+    """Point (3,) nearest to the rays through one pixel of each camera, None where there is none ahead."""
     matrix, vector = np.zeros((3, 3)), np.zeros(3)
     for view, pixel in zip(views, pixels, strict=True):
         origin, directions = view.rays(pixel[None])
@@ -191,7 +191,8 @@ def _meet(views: list[PosedCamera], pixels: list[Floats]) -> Floats | None:
         across = np.eye(3) - np.outer(direction, direction)
         matrix += across
         vector += across @ origin
-    if np.linalg.cond(matrix) > 1e7:
+    # NaN where a lens reaches the pixel from nowhere.
+    if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e7:
         return None
     point = np.asarray(np.linalg.solve(matrix, vector), dtype=np.float64)
     ahead = all(view.depth(point[None])[0] > 0.02 for view in views)
