@@ -180,6 +180,12 @@ def test_opencv_itself_reads_what_is_written(tmp_path):
     storage.release()
 
 
+def test_a_file_that_cannot_be_written_is_named(tmp_path):
+    camera = Camera(320, 240, 250.0, 250.0, 160.0, 120.0)
+    with pytest.raises(ArgumentError, match=r"path: cannot write .*camera\.yaml: No such file"):
+        camera.to_opencv_yaml(tmp_path / "nowhere" / "camera.yaml")
+
+
 def test_a_camera_of_unknown_size_is_not_written(tmp_path):
     with pytest.raises(StateError, match="size"):
         Camera(0, 0, 1.0, 1.0, 0.0, 0.0).to_opencv_yaml(tmp_path / "camera.yml")

@@ -127,7 +127,10 @@ class Camera:
         return read_camera_info(path)
 
     def to_opencv_yaml(self, path: str | PathLike[str]) -> None:
-        """Write a file that ``from_opencv_yaml`` and cv2.FileStorage read back to the last bit."""
+        """Write a file that ``from_opencv_yaml`` and cv2.FileStorage read back to the last bit.
+
+        Raises :class:`ArgumentError` if it cannot be written, :class:`StateError` without an image size.
+        """
         from .camera_files import write_opencv
 
         write_opencv(self, path)

@@ -83,7 +83,10 @@ def write_opencv(camera: Camera, path: _Path) -> None:
         data = ", ".join(repr(value) for value in array.reshape(-1).tolist())
         lines += [f"{key}: !!opencv-matrix", f"   rows: {array.shape[0]}", f"   cols: {array.shape[1]}"]
         lines += ["   dt: d", f"   data: [ {data} ]"]
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    try:
+        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ArgumentError(f"path: cannot write {path}: {error.strerror}") from error
 
 
 def _text(path: _Path) -> str:
