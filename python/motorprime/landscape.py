@@ -75,8 +75,8 @@ def gaussian_landscape(
         chol: (3,) Cholesky factor (L1, L2, L3) [px] of the covariance ``L L^T``; L1 and L3 positive.
         shape: (height, width) of the image.
         cutoff: Radius of the ellipse in standard deviations, sigma of Eq. 5.
-        mixing: Share pi of the Gaussian in [0, 1]; less than 1 flattens the landscape for sampling (Eq.
-        10). out: (H, W) C-contiguous float32 array to write to, instead of a new one.
+        mixing: Share pi of the Gaussian in [0, 1]; less than 1 flattens the landscape for sampling (Eq. 10).
+        out: (H, W) C-contiguous float32 array to write to, instead of a new one.
 
     Returns:
         (H, W) float32; ``out`` itself if it was given.

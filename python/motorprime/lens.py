@@ -15,9 +15,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from ._arrays import Floats
 
 _KNOTS = 257  # of the table from which the inversion starts
 _WIDEST = math.atan(100.0)  # the table ends 0.6 degrees before the image plane

@@ -53,7 +53,6 @@ class Bystander:
 
     def _ball(self, path: Path, radius: float, rgb: tuple[float, float, float]) -> int:
         bullet = self.world.bullet
-        bullet = self.world.bullet
         shape = bullet.createVisualShape(
             pybullet.GEOM_MESH,
             fileName=str(write_sphere(path, radius, subdivisions=2)),
@@ -63,7 +62,6 @@ class Bystander:
 
     def capture(self) -> NDArray[np.uint8]:
         """The view now, (H, W, 3) uint8."""
-        bullet = self.world.bullet
         bullet = self.world.bullet
         for link, ahead, ball in self._balls:
             pose = self.world.link_pose(link)
