@@ -25,7 +25,8 @@ class CircleDetector:
         if circles is None:
             return mp.Detections(attended=crop.size)
         u, v, r = np.add(circles[0, :1], (left, top, 0)).T
-        boxes = np.column_stack([u - r, v - r, u + r, v + r]).astype(np.float32)
+        # Boxes are half-open: the last column that a disc covers is u + r.
+        boxes = np.column_stack([u - r, v - r, u + r + 1, v + r + 1]).astype(np.float32)
         return mp.Detections(boxes, np.ones(len(boxes), np.float32), ("disc",) * len(boxes), crop.size)
 
 
@@ -64,7 +65,7 @@ def main() -> None:
     centres = {}
     for name, look in attention.motor_plan(path).items():
         found = detector.detect(images[name], look.mask(fraction=0.12))
-        centres[name] = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
+        centres[name] = (found.boxes[:, :2] + found.boxes[:, 2:] - 1) / 2
         print(
             f"{name}: {len(found)} disc, looked at {found.attended / look.landscape.size:.0%} of the pixels"
         )
