@@ -27,7 +27,7 @@ class NotInViewError(StateError):
 
 
 class UnreachableError(StateError):
-    """The target cannot be reached by the arm; nothing has moved."""
+    """Joint limits keep arm or gaze from getting there; the call that raises it has moved nothing."""
 
 
 class MissingExtraError(Error, ImportError):

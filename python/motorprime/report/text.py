@@ -9,7 +9,7 @@ OUTCOMES = {
     "reached": "The hand reached its place before the target.",
     "missed": "The hand did not get to its place before the target.",
     "not found": "The target was not found.",
-    "refused": "The target was found, but out of reach: nothing was moved.",
+    "refused": "The target was found, but out of reach: the robot did not try.",
     "interrupted": "Interrupted.",
     "failed": "Failed.",
     "running": "Still running, or killed.",
