@@ -354,3 +354,12 @@ def test_a_disc_behind_a_bar_is_found_in_two_pieces_that_merge_to_what_is_visibl
     pieces = DETECTOR.search(image, Everywhere()).silhouettes
     assert len(pieces) == 2
     np.testing.assert_array_equal(merge(pieces).paint((120, 160)), (image == RED).all(axis=2))
+
+
+def test_the_largest_region_is_the_box_of_the_largest_patch_of_the_target_s_colours():
+    image = np.full((60, 80, 3), 128, np.uint8)
+    image[10:20, 30:45] = RED
+    image[40:44, 5:9] = RED
+    detector = HistogramDetector(np.tile(np.array([RED], np.uint8), (100, 1)))
+    assert detector.largest_region(image) == (30, 10, 45, 20)
+    assert detector.largest_region(np.full((60, 80, 3), 128, np.uint8)) is None

@@ -7,7 +7,6 @@ import pytest
 
 from motorprime import KinematicProjection, PinholeProjection, ReachCloud, fit_gaussian, fit_peripersonal
 from motorprime.errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
-from motorprime.peripersonal import covered
 from small_robot import PALM_FRAME, reference_pose, small_robot
 
 sim = pytest.mark.sim
@@ -206,12 +205,6 @@ def test_in_no_camera_s_view_the_message_gives_every_camera_s_reason():
     projection = PinholeProjection({"one": looking(), "two": looking(shift=0.1)}, SHAPE)
     with pytest.raises(NotInViewError, match=r"camera 'one'.*; .*camera 'two'"):
         fit_peripersonal(Standing(points), projection, None)
-
-
-def test_covered_is_the_share_of_positive_pixels():
-    landscape = np.zeros((4, 5), np.float32)
-    landscape[1, 2:] = 1e-6
-    assert covered(landscape) == 3 / 20
 
 
 @sim

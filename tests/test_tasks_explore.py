@@ -234,7 +234,6 @@ def test_stages_add_up_by_the_clock_that_is_passed():
     with pytest.raises(KeyError), stages.time("sampling"):
         raise KeyError
     assert stages.seconds == {"detection": [1.0, 3.0], "sampling": [0.5]}
-    assert stages.medians_ms() == {"detection": 2000.0, "sampling": 500.0}
 
 
 @pytest.mark.parametrize(

@@ -173,14 +173,14 @@ def test_the_simulator_itself_and_inverse_kinematics_name_the_extra(run):
             import numpy as np
             import motorprime
             from motorprime.control.solver import solve_bounded
-            for need in (
-                lambda: __import__("motorprime.sim.world"),
-                lambda: solve_bounded(lambda x: x, np.zeros(1), np.array([[-1.0, 1.0]])),
+            for extra, need in (
+                ("sim", lambda: __import__("motorprime.sim.world")),
+                ("control", lambda: solve_bounded(lambda x: x, np.zeros(1), np.array([[-1.0, 1.0]]))),
             ):
                 try:
                     need()
                 except motorprime.MissingExtraError as error:
-                    assert error.extra == "sim", error
+                    assert error.extra == extra, error
                 else:
                     raise AssertionError("no error")
             """

@@ -17,7 +17,7 @@ from .detectors.base import Mask, Windows
 from .errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
 from .landscape import KernelName, gaussian_landscape, gibbs_sample, threshold
 from .motorplan import motorplan_landscape, pixel_landscapes
-from .peripersonal import ProjectedGaussian, ReachCloud, covered, fit_peripersonal
+from .peripersonal import ProjectedGaussian, ReachCloud, fit_peripersonal
 from .projection import Projection
 
 
@@ -44,7 +44,7 @@ class Look:
     @property
     def covered(self) -> float:
         """Fraction of the image where the landscape is positive."""
-        return covered(self.landscape)
+        return float(np.count_nonzero(self.landscape)) / self.landscape.size
 
     @property
     def is_empty(self) -> bool:

@@ -19,7 +19,9 @@ from ._arrays import Floats, positive
 from .camera import PosedCamera
 from .detectors.histogram import Silhouette
 from .errors import ArgumentError
+from .projection.base import nearest_to_rays
 
+NEAREST = 0.02  # depth at which a cylinder may stand [m]
 RIM = 48  # points on each rim
 ITERATIONS = 5
 GOOD_OVERLAP = 0.97  # from here the centroids are trusted
@@ -184,19 +186,9 @@ class _Seen:
 
 def _meet(views: list[PosedCamera], pixels: list[Floats]) -> Floats | None:
     """Point (3,) nearest to the rays through one pixel of each camera, None where there is none ahead."""
-    matrix, vector = np.zeros((3, 3)), np.zeros(3)
-    for view, pixel in zip(views, pixels, strict=True):
-        origin, directions = view.rays(pixel[None])
-        direction = directions[0] / np.linalg.norm(directions[0])
-        across = np.eye(3) - np.outer(direction, direction)
-        matrix += across
-        vector += across @ origin
-    # NaN where a lens reaches the pixel from nowhere.
-    if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e7:
-        return None
-    point = np.asarray(np.linalg.solve(matrix, vector), dtype=np.float64)
-    ahead = all(view.depth(point[None])[0] > 0.02 for view in views)
-    return point if ahead else None
+    points, _ = nearest_to_rays(views, np.array(pixels)[:, None, :])
+    ahead = np.isfinite(points).all() and all(view.depth(points)[0] > NEAREST for view in views)
+    return points[0] if ahead else None
 
 
 def _from_centroids(seen: list[_Seen]) -> Floats | None:

@@ -20,12 +20,8 @@ from .sim.bystander import Bystander
 from .sim.icub import load_icub
 from .tasks.cycle import Cycle, Settings
 from .tasks.trial import Trial, Verdict
+from .viz import PHASES
 
-PHASES = {
-    "search": "searching the space within reach",
-    "fixate": "looking at the glass",
-    "reach": "reaching, eyes on the planned path",
-}
 WINDOW = 20  # side of a window [px]
 
 

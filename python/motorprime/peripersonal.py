@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numpy.typing import NDArray
 
 from ._arrays import Floats, generator, image_shape, integer, numbers
 from .errors import ArgumentError, NotInViewError
@@ -124,8 +123,3 @@ def fit_peripersonal(
     if not fits:
         raise NotInViewError("; ".join(reasons))
     return fits
-
-
-def covered(landscape: NDArray[np.float32]) -> float:
-    """Fraction of the image where the landscape is positive."""
-    return float(np.count_nonzero(landscape)) / landscape.size

@@ -26,7 +26,7 @@ def solve_bounded(
     try:
         from scipy.optimize import least_squares
     except ImportError:
-        raise MissingExtraError("inverse kinematics (SciPy)", "sim") from None
+        raise MissingExtraError("inverse kinematics (SciPy)", "control") from None
     margin = 1e-6 * (limits[:, 1] - limits[:, 0])
     inside = np.clip(start, limits[:, 0] + margin, limits[:, 1] - margin)
     result = least_squares(

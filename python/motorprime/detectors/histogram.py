@@ -197,6 +197,14 @@ class HistogramDetector:
         """Pixels (H, W) of the target's colours: 255, others 0. The cheap way to do a full frame."""
         return self._back_project(_hsv(check_image(image)))
 
+    def largest_region(self, image: NDArray[np.uint8]) -> tuple[int, int, int, int] | None:
+        """Box (u0, v0, u1, v1) of the largest region of the target's colours: a short cut for full frames."""
+        count, _, stats, _ = cv2.connectedComponentsWithStats(self.back_project(image), connectivity=4)
+        if count < 2:
+            return None
+        left, top, width, height, area = (int(x) for x in stats[1 + int(stats[1:, 4].argmax())])
+        return (left, top, left + width, top + height) if area >= self.min_area else None
+
     def _corners(self, shape: tuple[int, ...], where: Where) -> NDArray[np.intp]:
         height, width = shape[:2]
         if isinstance(where, Windows):

@@ -41,7 +41,9 @@ def evaluate_search(
 
     Returns:
         scenes, found_attended, cycles_median, found_uniform, cycles_median_uniform, found_full,
-        false_reports, median_error_m, covered_median; the same for the small glass under ``small``.
+        false_reports, median_error_m (over the reports of the attended search), covered_median (fraction
+        of the image where the landscape is positive), and cycles_limit, beyond which a search is a miss; the
+        same for the small glass under ``small``. Windows anywhere and the full scan are judged alike.
     """
     progress = progress or Progress()
     cloud = ReachCloud(robot)
@@ -123,7 +125,7 @@ def _summary(trials: list[dict[str, Any]], limit: int) -> dict[str, Any]:
     def cycles(kind: str) -> float:
         return float(np.median([t[kind].cycles if t[kind].found else limit + 1 for t in trials]))
 
-    errors = [t["attended"].error for t in trials if t["attended"].found]
+    errors = [t["attended"].error for t in trials if t["attended"].reported]
     return {
         "scenes": len(trials),
         "cycles_limit": limit,

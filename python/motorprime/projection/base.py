@@ -116,7 +116,7 @@ class PosedProjection(Projection):
         posed = self.posed(joints)
         cameras = [posed[name] for name in seen]
         targets = np.stack(list(seen.values()))
-        points, visible = _nearest_to_rays(cameras, targets)
+        points, visible = nearest_to_rays(cameras, targets)
         good = ~np.isnan(points[:, 0])
         points[good] = _refine(cameras, targets[:, good], visible[:, good], points[good])
         return points
@@ -138,7 +138,7 @@ class PosedProjection(Projection):
         return checked
 
 
-def _nearest_to_rays(cameras: list[PosedCamera], targets: Floats) -> tuple[Floats, npt.NDArray[np.bool_]]:
+def nearest_to_rays(cameras: list[PosedCamera], targets: Floats) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Return the points (N, 3) nearest to the rays of targets (C, N, 2), and which rays (C, N) count."""
     count = targets.shape[1]
     visible: npt.NDArray[np.bool_] = np.asarray(~np.isnan(targets).any(axis=2))

@@ -84,8 +84,8 @@ def explanation() -> str:
         "show. Motor-primed attention turns what the robot can do, and what it plans to do, into a map over "
         "each image: first the space that its arm can reach, and once it has a plan, the path that its hand "
         "will take. The object detector then runs only in windows sampled from that map, fresh ones every "
-        "cycle, many where the motion will be and none where it cannot be. The same detector over the full "
-        "images, run beside it and not used by the robot, shows what that saves."
+        "cycle: all over the reachable space while it searches, and along the path once it moves. The same "
+        "detector over the full images, run beside it and not used by the robot, shows what that saves."
     )
 
 
@@ -106,8 +106,9 @@ def note(data: Mapping[str, Any]) -> list[str]:
         verdict = "would beat both" if better else "is another way to look everywhere"
         lines.append(
             "In fairness: looking for a colour has a short cut that needs no windows. Back-projection of the "
-            f"full images takes {cheap['median']:.1f} ms and {verdict} for this very cheap detector. "
-            "Attention pays for detectors that cost much per window or per pixel and have no such short cut."
+            f"full images, with its largest region, takes {cheap['median']:.1f} ms and {verdict} "
+            "for this very cheap detector. Attention pays for detectors that cost much per window or per "
+            "pixel and have no such short cut."
         )
     return lines
 

@@ -220,7 +220,7 @@ class World:
         """Put a body's origin at ``place`` (3,) [m] in the root frame, upright."""
         self.bullet.resetBasePositionAndOrientation(body, fixed("place", place, (3,)).tolist(), (0, 0, 0, 1))
 
-    def touching(self, *, ignore: Iterable[int] = ()) -> set[int]:
-        """Bodies other than the robot that touch it now, without those in ``ignore``."""
+    def touching(self) -> set[int]:
+        """Bodies other than the robot that touch it now."""
         pairs = self.bullet.getContactPoints(bodyA=self.body)
-        return {int(pair[2]) for pair in pairs if pair[2] != self.body} - set(ignore)
+        return {int(pair[2]) for pair in pairs if pair[2] != self.body}

@@ -47,7 +47,13 @@ class Settings:
 
 @dataclass(frozen=True)
 class FullFrame:
-    """The full-frame scan beside a cycle: its time [s], a back-projection's, and what it located."""
+    """The full-frame scan beside a cycle.
+
+    Attributes:
+        seconds: time of the scan [s].
+        back_projection: time of the short cut, a back-projection of both images with its largest region [s].
+        located: what the scan located.
+    """
 
     seconds: float
     back_projection: float

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .._arrays import Floats
 from ..attention import Attention, Look
+from ..camera import PosedCamera
 from ..control.gaze import fixate
 from ..control.path import PalmPath, minimum_jerk, plan_path
 from ..control.reaching import Bench, Pregrasp, ReachSolver
@@ -92,7 +93,8 @@ class Reach:
         if self.estimate is None:
             self._end(
                 "not found",
-                f"no glass in {self.settings.postures} postures of {self.settings.patience} cycles",
+                f"no {self.target.detector.label} in {self.settings.postures} postures "
+                f"of {self.settings.patience} cycles",
             )
             return
         yield from self._fixate()
@@ -157,24 +159,25 @@ class Reach:
         before = self._mark()
         try:
             with self.stages.time("projection"):
+                views = self.projection.posed(joints)
                 fits = self.attention.gaussians(joints)
+            with self.stages.time("landscape"):
+                looks = self.attention.peripersonal_from(fits, mixing=self.settings.mixing)
+                looks = self.finder.complete(looks, views)
         except NotInViewError:
             return None
-        with self.stages.time("landscape"):
-            looks = self.attention.peripersonal_from(fits, mixing=self.settings.mixing)
-            looks = self.finder.complete(looks, self.projection.posed(joints))
-        return self._look(phase, joints, images, looks, before)
+        return self._look(phase, joints, images, views, looks, before)
 
     def _look(
         self,
         phase: str,
         joints: Floats,
         images: Mapping[str, NDArray[np.uint8]],
+        views: Mapping[str, PosedCamera],
         looks: Mapping[str, Look],
         before: Mapping[str, int],
         path: Floats | None = None,
     ) -> Cycle:
-        views = self.projection.posed(joints)
         with self.stages.time("sampling"):
             where = windows_from(looks, self.settings.windows, self.settings.size, self.generator)
         sight = self.finder.look(images, views, where)
@@ -193,7 +196,7 @@ class Reach:
             path_pixels={} if path is None else self.projection.project(path, joints),
             estimate=None if self.estimate is None else self.estimate.copy(),
             goal=self.pregrasp.point(self.estimate) if self.pregrasp and self.estimate is not None else None,
-            full=self._full_frame(images, joints) if self.settings.compare else None,
+            full=self._full_frame(images, views) if self.settings.compare else None,
         )
 
     def _believe(self, located: Located) -> None:
@@ -208,12 +211,13 @@ class Reach:
         self.estimate = (1.0 - share) * self.estimate + share * located.centre
         self._trust = max(self._trust, located.overlap)
 
-    def _full_frame(self, images: Mapping[str, NDArray[np.uint8]], joints: Floats) -> FullFrame:
+    def _full_frame(
+        self, images: Mapping[str, NDArray[np.uint8]], views: Mapping[str, PosedCamera]
+    ) -> FullFrame:
         beside = Finder(self.target, Stages(self.clock))
-        views = self.projection.posed(joints)
         start = self.clock()
         for image in images.values():
-            self.target.detector.back_project(image)
+            self.target.detector.largest_region(image)
         cheap = self.clock() - start
         sight = beside.look(images, views, everywhere(self.projection.shapes))
         return FullFrame(beside.stages.seconds["detection"][0], cheap, sight.located)
@@ -337,13 +341,14 @@ class Reach:
         plan = np.vstack([ahead, grasp])
         before = self._mark()
         with self.stages.time("projection"):
-            pixels = self.projection.project(plan, joints)
+            views = self.projection.posed(joints)
+            pixels = {camera: view.project(plan) for camera, view in views.items()}
         try:
             with self.stages.time("landscape"):
                 looks = self.attention.motor_plan_from(pixels, width=self.settings.width)
         except NotInViewError:
             looks = {}
-        return self._look("reach", joints, images, looks, before, plan)
+        return self._look("reach", joints, images, views, looks, before, plan)
 
     def _mark(self) -> dict[str, int]:
         return {stage: len(values) for stage, values in self.stages.seconds.items()}

@@ -7,8 +7,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-import numpy as np
-
 Clock = Callable[[], float]
 
 
@@ -27,7 +25,3 @@ class Stages:
             yield
         finally:
             self.seconds[stage].append(self._clock() - start)
-
-    def medians_ms(self) -> dict[str, float]:
-        """Median duration [ms] of each stage."""
-        return {stage: 1e3 * float(np.median(values)) for stage, values in self.seconds.items()}
