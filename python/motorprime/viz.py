@@ -274,8 +274,10 @@ def _blend(canvas: Picture, landscape: NDArray[np.float32], size: tuple[int, int
     if top <= 0.0:
         return canvas
     share = cv2.resize(np.clip(level / top, 0.0, 1.0), size, interpolation=cv2.INTER_LINEAR)
-    # Low relevance must still be visible: where the landscape ends is half of what it says.
-    alpha = np.where(share > 0.0, 0.1 + 0.46 * share**0.7, 0.0)[..., None]
+    # Low relevance must still be visible: where the landscape ends is half of what it says. One that fills
+    # the picture is drawn paler, so that things keep their own colours.
+    strength = 1.0 - 0.5 * float(np.mean(share > 0.0))
+    alpha = np.where(share > 0.0, strength * (0.1 + 0.46 * share**0.7), 0.0)[..., None]
     blended: Picture = ((1.0 - alpha) * canvas + alpha * np.array(RED)).astype(np.uint8)
     return blended
 
