@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from motorprime import ArgumentTypeError, Attention, KinematicProjection
+from motorprime import ArgumentTypeError, Attention, Error, KinematicProjection
 from motorprime.control.reaching import HAND, STANDOFF
 from motorprime.kinematics import apply
 from motorprime.sim.cameras import Eyes
@@ -171,6 +171,20 @@ def test_a_projection_without_poses_is_refused(icub, cloud):
 
 
 # In physics.
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, True])
+def test_a_seed_that_is_none_is_refused_by_name(icub, cloud, seed):
+    with pytest.raises(Error, match="seed"):
+        painted(icub, cloud, seed=seed)
+
+
+def test_with_nothing_to_reach_over_the_bench_it_gives_up_quietly(icub, cloud):
+    """No reachable place lies over a bench above the robot's head: the gaze then stays where it is."""
+    task = painted(icub, cloud, glass=None)
+    task.solver.bench = replace(BENCH, height=2.0)
+    assert all(cycle.estimate is None for cycle in task.run())
+    assert task.outcome == "not found"
 
 
 @pytest.fixture(scope="module")

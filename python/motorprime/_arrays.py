@@ -73,9 +73,9 @@ def integer(name: str, value: object, *, at_least: int) -> int:
     return number
 
 
-def positive(name: str, value: object) -> float:
+def positive(name: str, value: npt.ArrayLike) -> float:
     """Return ``value`` as a finite float > 0."""
-    number = float(fixed(name, value, ()))  # type: ignore[arg-type]
+    number = float(fixed(name, value, ()))
     if number <= 0.0:
         raise ArgumentError(f"{name}: expected a number > 0, got {number}")
     return number

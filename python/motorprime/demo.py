@@ -185,8 +185,8 @@ def _times(summary: dict[str, Any]) -> Table:
     if summary["speed_up"] is not None:
         table.add_row("speed-up", f"{summary['speed_up']:.1f}x", "")
     table.caption = (
-        "Medians. A back-projection of the full images, good for plain colours only, takes "
-        f"{_ms(summary['back_projection_ms'])} ms: attention pays for detectors that cost more."
+        "Medians. A back-projection of the full images with its largest region, good for plain colours "
+        f"only, takes {_ms(summary['back_projection_ms'])} ms: attention pays for detectors that cost more."
     )
     return table
 

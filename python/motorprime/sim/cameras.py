@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays import Floats
+from .._arrays import Floats, generator
 from ..camera import Camera, PosedCamera
 from ..errors import ArgumentError
 from ..kinematics import invert
@@ -124,7 +124,7 @@ class Eyes:
         if not 0.0 <= noise < np.inf:
             raise ArgumentError(f"noise: a finite number of grey levels, at least 0, expected, got {noise}")
         self.world, self.light, self.noise = world, light or Light(), noise
-        self._generator = np.random.default_rng(seed)
+        self._generator = generator(seed)
 
     def views(self) -> dict[str, PosedCamera]:
         """The cameras at their true poses."""

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays import Floats
+from .._arrays import Floats, generator
 from ..attention import Attention, Look
 from ..camera import PosedCamera
 from ..control.gaze import fixate
@@ -58,7 +58,8 @@ class Reach:
 
     Attributes:
         outcome: 'running', then 'reached', 'not found', 'refused' or 'missed'; :attr:`reason` says why.
-        pregrasp: the chosen posture before the grasp.
+        estimate: where the target is believed to be (3,) [m]; None before it was found.
+        pregrasp: the chosen posture before the grasp; None before the plan.
     """
 
     def __init__(
@@ -78,7 +79,7 @@ class Reach:
         self.projection: PosedProjection = attention.projection
         self.settings = settings or Settings()
         self.solver = ReachSolver(body.robot, bench)
-        self.generator = np.random.default_rng(seed)
+        self.generator = generator(seed)
         self.clock = clock
         self.stages = Stages(clock)
         self.finder = Finder(target, self.stages)
@@ -177,6 +178,7 @@ class Reach:
         looks: Mapping[str, Look],
         before: Mapping[str, int],
         path: Floats | None = None,
+        path_pixels: Mapping[str, Floats] | None = None,
     ) -> Cycle:
         with self.stages.time("sampling"):
             where = windows_from(looks, self.settings.windows, self.settings.size, self.generator)
@@ -193,7 +195,7 @@ class Reach:
             palm=self._palm(),
             seconds=self._since(before),
             path=path,
-            path_pixels={} if path is None else self.projection.project(path, joints),
+            path_pixels=path_pixels or {},
             estimate=None if self.estimate is None else self.estimate.copy(),
             goal=self.pregrasp.point(self.estimate) if self.pregrasp and self.estimate is not None else None,
             full=self._full_frame(images, views) if self.settings.compare else None,
@@ -231,7 +233,7 @@ class Reach:
         if bench is not None:
             above = reachable[:, 2] - bench.height
             reachable = reachable[(reachable[:, 0] < bench.edge) & (above > 0.0) & (above < 0.2)]
-        for _ in range(50):
+        for _ in range(50 if len(reachable) else 0):  # a torso far aside has nothing to reach over the bench
             place = reachable[self.generator.integers(len(reachable))]
             try:
                 self._turn_gaze(fixate(robot, joints, place))
@@ -348,7 +350,7 @@ class Reach:
                 looks = self.attention.motor_plan_from(pixels, width=self.settings.width)
         except NotInViewError:
             looks = {}
-        return self._look("reach", joints, images, views, looks, before, plan)
+        return self._look("reach", joints, images, views, looks, before, plan, pixels)
 
     def _mark(self) -> dict[str, int]:
         return {stage: len(values) for stage, values in self.stages.seconds.items()}
