@@ -17,7 +17,9 @@ pub mod parallel;
 mod python;
 pub mod rng;
 pub mod shape;
+pub mod simd;
 pub mod threshold;
 
 pub use error::{Error, Result};
 pub use shape::Shape;
+pub use simd::Simd;
