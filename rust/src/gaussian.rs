@@ -1,12 +1,17 @@
 //! The peripersonal landscape: one Gaussian, evaluated only inside its ellipse (Eq. 2-5 and 10).
 
 use crate::error::{Error, Result};
-use crate::math::{EXP_FLOOR, exp_nonpositive};
+use crate::math::exp2_nonpositive;
 use crate::shape::{Shape, pixels_between};
+use crate::simd::{Kernel, Simd};
+use crate::support::Support;
 
 /// A pixel is inside the ellipse up to this relative excess of its squared radius: the border is inside,
 /// and a border that falls on a pixel must not be lost to rounding.
 const BORDER: f64 = 1.0 + 1e-12;
+
+/// Pixels that go through the vector registers together.
+const LANES: usize = 16;
 
 /// Bounds that keep every intermediate product finite.
 const SMALLEST: f64 = 1e-100;
@@ -26,35 +31,32 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// Writes the landscape into `out` (row-major, one element per pixel); outside the ellipse it is 0.
+    /// Writes the landscape into `out` (row-major, one element per pixel) and its ellipse into `support`;
+    /// outside the ellipse it is 0.
     ///
     /// Inside, it is `pi exp(-|z|^2 / 2) + (1 - pi) m` with `z = L^-1 (p - mean)` and
     /// `m = 2 (1 - exp(-cutoff^2 / 2)) / cutoff^2`, the mean of the Gaussian over the ellipse.
     ///
     /// # Errors
     /// A mean, factor, cutoff or mixing outside its domain, or a buffer of the wrong size.
-    pub fn landscape(&self, shape: Shape, out: &mut [f32]) -> Result<()> {
+    pub fn landscape(&self, shape: Shape, support: &mut Support, out: &mut [f32]) -> Result<()> {
+        self.landscape_on(Simd::best(), shape, support, out)
+    }
+
+    /// [`Gaussian::landscape`] on a given instruction set; all of them give the same bits.
+    ///
+    /// # Errors
+    /// The same.
+    pub fn landscape_on(
+        &self,
+        simd: Simd,
+        shape: Shape,
+        support: &mut Support,
+        out: &mut [f32],
+    ) -> Result<()> {
         self.check()?;
         shape.check("out", out.len())?;
-        out.fill(0.0);
-
-        let uniform = ((1.0 - self.mixing) * self.mean_inside()) as f32;
-        let square = self.cutoff * self.cutoff;
-        // Where float32 has no Gaussian left, only the uniform part remains.
-        let visible = square.min(-2.0 * f64::from(EXP_FLOOR));
-        let pi = self.mixing as f32;
-
-        let ellipse = Ellipse::new(self);
-        let (first, end) = ellipse.rows(square, shape.height());
-        for v in first..end {
-            let row = &mut out[v * shape.width()..(v + 1) * shape.width()];
-            let (mut u0, mut u1) = ellipse.columns(v, square, shape.width());
-            if visible < square {
-                row[u0..u1].fill(uniform);
-                (u0, u1) = ellipse.columns(v, visible, shape.width());
-            }
-            self.fill_row(v, u0, &mut row[u0..u1], pi, uniform);
-        }
+        simd.run(Scan { gaussian: self, shape, support, out });
         Ok(())
     }
 
@@ -65,21 +67,33 @@ impl Gaussian {
     }
 
     /// Evaluates the mixture on consecutive pixels of row `v` from column `u0`, all inside the ellipse.
+    #[inline(always)]
     fn fill_row(&self, v: usize, u0: usize, pixels: &mut [f32], pi: f32, uniform: f32) {
         // z is formed in float64 at the first pixel, where the mean may be far away and the factor badly
         // conditioned. From there it takes equal steps; inside the ellipse it stays small, so they may be
         // float32. The bound is for a lone pixel of a needle-thin ellipse, which takes no step at all.
+        // Scaled by the root of log2(e) / 2, the square is the exponent of 2.
+        let scale = (0.5 * std::f64::consts::LOG2_E).sqrt();
         let [l1, l2, l3] = self.chol;
         let first = (u0 as f64 - self.mean[0]) / l1;
-        let step = (1.0 / l1).min(1e30);
+        let step = (scale / l1).min(1e30);
         let shear = (-l2 / l3 * step).clamp(-1e30, 1e30);
-        let (z1, z2) = (first as f32, (((v as f64 - self.mean[1]) - l2 * first) / l3) as f32);
+        let z2 = ((v as f64 - self.mean[1]) - l2 * first) / l3;
+        let (z1, z2) = ((first * scale) as f32, (z2 * scale) as f32);
         let (step, shear) = (step as f32, shear as f32);
-        for (k, pixel) in pixels.iter_mut().enumerate() {
+        let at = |k: usize| {
             let k = k as i32 as f32;
             let (z1, z2) = (z1 + k * step, z2 + k * shear);
-            *pixel = pi * exp_nonpositive(-0.5 * (z1 * z1 + z2 * z2)) + uniform;
+            pi * exp2_nonpositive(-(z1 * z1 + z2 * z2)) + uniform
+        };
+        // The odd end of a row is computed with full registers too, and thrown away beyond the last pixel.
+        let (chunks, rest) = pixels.as_chunks_mut::<LANES>();
+        let done = chunks.len() * LANES;
+        for (chunk, pixels) in chunks.iter_mut().enumerate() {
+            *pixels = std::array::from_fn(|i| at(chunk * LANES + i));
         }
+        let last: [f32; LANES] = std::array::from_fn(|i| at(done + i));
+        rest.copy_from_slice(&last[..rest.len()]);
     }
 
     fn check(&self) -> Result<()> {
@@ -111,6 +125,47 @@ impl Gaussian {
     }
 }
 
+/// Row after row through the ellipse.
+struct Scan<'a> {
+    gaussian: &'a Gaussian,
+    shape: Shape,
+    support: &'a mut Support,
+    out: &'a mut [f32],
+}
+
+impl Kernel for Scan<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { gaussian, shape, support, out } = self;
+        support.clear(shape);
+        let uniform = ((1.0 - gaussian.mixing) * gaussian.mean_inside()) as f32;
+        let square = gaussian.cutoff * gaussian.cutoff;
+        // Where float32 has no Gaussian left, only the uniform part remains: exp(-87) is about 2^-125.5.
+        let visible = square.min(2.0 * 87.0);
+        let pi = gaussian.mixing as f32;
+
+        let ellipse = Ellipse::new(gaussian);
+        let (first, end) = ellipse.rows(square, shape.height());
+        for (v, row) in out.chunks_exact_mut(shape.width()).enumerate() {
+            if !(first..end).contains(&v) {
+                row.fill(0.0);
+                continue;
+            }
+            let (mut u0, mut u1) = ellipse.columns(v, square, shape.width());
+            support.cover([v as u32, v as u32 + 1], [u0 as u32, u1 as u32]);
+            row[..u0].fill(0.0);
+            row[u1..].fill(0.0);
+            if visible < square {
+                row[u0..u1].fill(uniform);
+                (u0, u1) = ellipse.columns(v, visible, shape.width());
+            }
+            gaussian.fill_row(v, u0, &mut row[u0..u1], pi, uniform);
+        }
+    }
+}
+
 /// The rows and columns of the ellipses `|z|^2 = square`.
 struct Ellipse {
     mean: [f64; 2],
@@ -139,17 +194,32 @@ impl Ellipse {
         }
     }
 
+    #[inline(always)]
     fn rows(&self, square: f64, height: usize) -> (usize, usize) {
         let reach = square.sqrt() * self.along_v * BORDER;
         pixels_between(self.mean[1] - reach, self.mean[1] + reach, height)
     }
 
+    #[inline(always)]
     fn columns(&self, v: usize, square: f64, width: usize) -> (usize, usize) {
         // On a row |z|^2 is a parabola in z1 whose two roots are these.
         let dv = (v as f64 - self.mean[1]) / self.along_v;
         let middle = self.mean[0] + self.chol[0] * dv * self.lean;
         let half = self.chol[0] * self.rest * (square - dv * dv).max(0.0).sqrt();
-        // The roots are rounded; take a pixel too much on either side and let the definition decide.
+        let (first, end) = pixels_between(middle - half, middle + half, width);
+        // The roots are rounded, and the definition decides; it nearly always agrees.
+        let agrees = first < end
+            && self.inside(first, v, square)
+            && self.inside(end - 1, v, square)
+            && !(first > 0 && self.inside(first - 1, v, square))
+            && !(end < width && self.inside(end, v, square));
+        if agrees { (first, end) } else { self.trimmed(middle, half, v, square, width) }
+    }
+
+    /// The columns whose roots lie on pixels, or so nearly that rounding matters.
+    #[cold]
+    #[inline(never)]
+    fn trimmed(&self, middle: f64, half: f64, v: usize, square: f64, width: usize) -> (usize, usize) {
         let (mut first, mut end) = pixels_between(middle - half - 1.0, middle + half + 1.0, width);
         while first < end && !self.inside(first, v, square) {
             first += 1;
@@ -160,6 +230,7 @@ impl Ellipse {
         (first, end)
     }
 
+    #[inline(always)]
     fn inside(&self, u: usize, v: usize, square: f64) -> bool {
         let z1 = (u as f64 - self.mean[0]) * self.per_l1;
         let z2 = ((v as f64 - self.mean[1]) - self.chol[1] * z1) * self.per_l3;
@@ -175,7 +246,7 @@ mod tests {
 
     fn landscape(gaussian: &Gaussian, shape: Shape) -> Vec<f32> {
         let mut out = vec![f32::NAN; shape.pixels()];
-        gaussian.landscape(shape, &mut out).unwrap();
+        gaussian.landscape(shape, &mut Support::default(), &mut out).unwrap();
         out
     }
 

@@ -10,16 +10,21 @@ pub mod error;
 pub mod gaussian;
 pub mod gibbs;
 pub mod kernel;
+pub mod masses;
 mod math;
 pub mod mlp;
 pub mod parallel;
 #[cfg(feature = "python")]
 mod python;
 pub mod rng;
+pub mod sample;
 pub mod shape;
 pub mod simd;
+pub mod step;
+pub mod support;
 pub mod threshold;
 
 pub use error::{Error, Result};
 pub use shape::Shape;
 pub use simd::Simd;
+pub use support::Support;

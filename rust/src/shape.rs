@@ -54,6 +54,7 @@ impl Shape {
 }
 
 /// The whole numbers in `[low, high]` that are also in `0..size`, as a half-open range (empty if none).
+#[inline(always)]
 pub(crate) fn pixels_between(low: f64, high: f64, size: usize) -> (usize, usize) {
     // A float-to-integer cast saturates, so bounds far outside the image need no special case.
     let first = low.ceil().max(0.0) as usize;

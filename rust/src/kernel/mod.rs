@@ -1,8 +1,12 @@
 //! The landscape of a planned trajectory: a product kernel on every projected point (Eq. 7-9).
 
+mod gaussian;
+mod triangular;
+
 use crate::error::{Error, Result};
-use crate::math::exp_nonpositive;
-use crate::shape::{Shape, pixels_between};
+use crate::shape::Shape;
+use crate::simd::Simd;
+use crate::support::Support;
 
 /// Profile k of the product kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,44 +33,11 @@ impl Kernel {
         }
     }
 
-    /// `|z|` from which the profile is 0.
-    fn reach(self) -> f64 {
-        match self {
-            Self::Triangular => 1.0,
-            Self::Gaussian => 5.0,
-        }
-    }
-
     /// `k(0)`.
     fn peak(self) -> f64 {
         match self {
             Self::Triangular => 1.0,
             Self::Gaussian => std::f64::consts::FRAC_2_SQRT_PI * std::f64::consts::FRAC_1_SQRT_2 / 2.0,
-        }
-    }
-
-    /// `factor k((p - centre) / width)` for the pixels `p` from `first`.
-    fn profile(self, first: usize, centre: f64, width: f64, factor: f64, out: &mut [f32]) {
-        // Offsets are formed in float64: float32 is too coarse for a narrow kernel far from the origin.
-        let offset = |i: usize| f64::from((first + i) as i32) - centre;
-        let slope = factor / width;
-        match self {
-            // (width - |d|) is exactly 0 at the border; 1 - |d| / width would not always be.
-            Self::Triangular => {
-                for (i, value) in out.iter_mut().enumerate() {
-                    *value = ((width - offset(i).abs()).max(0.0) * slope) as f32;
-                }
-            }
-            Self::Gaussian => {
-                let (inverse, limit) = (1.0 / width, self.reach() * width);
-                let height = (factor * self.peak()) as f32;
-                for (i, value) in out.iter_mut().enumerate() {
-                    let d = offset(i);
-                    let z = (d * inverse) as f32;
-                    let k = height * exp_nonpositive(-0.5 * z * z);
-                    *value = if d.abs() <= limit { k } else { 0.0 };
-                }
-            }
         }
     }
 }
@@ -102,92 +73,58 @@ pub struct Trajectory<'a> {
     pub weights: Option<&'a [f64]>,
 }
 
-/// Points whose sum is formed in float32 before it is added to the image.
-const GROUP: usize = 64;
-
-/// With more points than this the image itself is summed in float64.
-const MANY: usize = 1024;
-
 /// Densities that float32 holds with room to spare on both sides.
 const PEAK: std::ops::RangeInclusive<f64> = 1e-30..=1e37;
 
+/// Buffers that a landscape needs; a call with a warmed-up workspace allocates nothing.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    triangular: triangular::Buffers,
+    gaussian: gaussian::Buffers,
+}
+
 impl Trajectory<'_> {
-    /// Writes `sum_n w_n k(du / h_h) k(dv / h_v) / (h_h h_v) / sum_n w_n` into `out` (row-major).
+    /// Writes `sum_n w_n k(du / h_h) k(dv / h_v) / (h_h h_v) / sum_n w_n` into `out` (row-major) and the
+    /// pixels where it may be positive into `support`.
     ///
     /// With equal weights and one width this is Eq. 7; N counts all points, also those outside the image.
     ///
     /// # Errors
     /// No point, anything that is not finite, a width or weight outside its domain, or so wide or narrow
     /// a kernel that float32 cannot hold the density.
-    pub fn landscape(&self, shape: Shape, out: &mut [f32]) -> Result<()> {
+    pub fn landscape(
+        &self,
+        shape: Shape,
+        workspace: &mut Workspace,
+        support: &mut Support,
+        out: &mut [f32],
+    ) -> Result<()> {
+        self.landscape_on(Simd::best(), shape, workspace, support, out)
+    }
+
+    /// [`Trajectory::landscape`] on a given instruction set; all of them give the same bits.
+    ///
+    /// # Errors
+    /// The same.
+    pub fn landscape_on(
+        &self,
+        simd: Simd,
+        shape: Shape,
+        workspace: &mut Workspace,
+        support: &mut Support,
+        out: &mut [f32],
+    ) -> Result<()> {
         let total = self.check()?;
         shape.check("out", out.len())?;
-        out.fill(0.0);
-        let width = shape.width();
-        let mut bumps = Bumps::default();
-
-        if self.points.len() <= GROUP {
-            self.bumps(0..self.points.len(), shape, total, &mut bumps);
-            for (v, row) in bumps.rows().zip_rows(out, width) {
-                bumps.add_row(v, row);
+        match self.kernel {
+            Kernel::Triangular => {
+                triangular::landscape(self, simd, shape, total, &mut workspace.triangular, support, out);
             }
-        } else if self.points.len() <= MANY {
-            self.add_groups(shape, total, &mut bumps, out, |sum, x| *sum += x);
-        } else {
-            let mut sums = vec![0.0_f64; out.len()];
-            self.add_groups(shape, total, &mut bumps, &mut sums, |sum, x| {
-                *sum += f64::from(x);
-            });
-            for (value, sum) in out.iter_mut().zip(sums) {
-                *value = sum as f32;
+            Kernel::Gaussian => {
+                gaussian::landscape(self, simd, shape, total, &mut workspace.gaussian, support, out);
             }
         }
         Ok(())
-    }
-
-    /// Sums the points group by group, so that rounding grows with the square root of their number.
-    fn add_groups<T>(
-        &self,
-        shape: Shape,
-        total: f64,
-        bumps: &mut Bumps,
-        image: &mut [T],
-        add: impl Fn(&mut T, f32),
-    ) {
-        let mut buffer = vec![0.0_f32; shape.width()];
-        for start in (0..self.points.len()).step_by(GROUP) {
-            let end = (start + GROUP).min(self.points.len());
-            self.bumps(start..end, shape, total, bumps);
-            for (v, row) in bumps.rows().zip_rows(image, shape.width()) {
-                buffer.fill(0.0);
-                bumps.add_row(v, &mut buffer);
-                for (sum, &x) in row.iter_mut().zip(&buffer) {
-                    add(sum, x);
-                }
-            }
-        }
-    }
-
-    /// The separable factors of some points, weights and norm folded into the vertical one.
-    fn bumps(&self, range: std::ops::Range<usize>, shape: Shape, total: f64, bumps: &mut Bumps) {
-        bumps.clear();
-        for n in range {
-            let ([u, v], [wide, high]) = (self.points[n], self.widths.of(n));
-            let weight = self.weights.map_or(1.0, |w| w[n]);
-            let (reach_u, reach_v) = (self.kernel.reach() * wide, self.kernel.reach() * high);
-            let (left, right) = pixels_between(u - reach_u, u + reach_u, shape.width());
-            let (top, bottom) = pixels_between(v - reach_v, v + reach_v, shape.height());
-            if left == right || top == bottom || weight == 0.0 {
-                continue;
-            }
-            // Half of the norm goes to either factor, so that neither leaves float32's range.
-            let scale = (weight / total / wide / high).sqrt();
-            let across = bumps.reserve(right - left);
-            self.kernel.profile(left, u, wide, scale, &mut bumps.factors[across..]);
-            let down = bumps.reserve(bottom - top);
-            self.kernel.profile(top, v, high, scale, &mut bumps.factors[down..]);
-            bumps.boxes.push(Bump { left, top, bottom, across, down });
-        }
     }
 
     /// Checks everything and returns the sum of the weights.
@@ -258,68 +195,6 @@ impl Trajectory<'_> {
     }
 }
 
-/// Where one kernel stands in the image and where its factors stand in [`Bumps::factors`].
-struct Bump {
-    left: usize,
-    top: usize,
-    bottom: usize,
-    across: usize,
-    down: usize,
-}
-
-/// The kernels of a group of points.
-#[derive(Default)]
-struct Bumps {
-    boxes: Vec<Bump>,
-    factors: Vec<f32>,
-}
-
-impl Bumps {
-    fn clear(&mut self) {
-        self.boxes.clear();
-        self.factors.clear();
-    }
-
-    fn reserve(&mut self, count: usize) -> usize {
-        let start = self.factors.len();
-        self.factors.resize(start + count, 0.0);
-        start
-    }
-
-    /// The rows that some kernel of the group touches.
-    fn rows(&self) -> Rows {
-        Rows {
-            first: self.boxes.iter().map(|b| b.top).min().unwrap_or(0),
-            end: self.boxes.iter().map(|b| b.bottom).max().unwrap_or(0),
-        }
-    }
-
-    /// Adds the kernels that cross row `v`.
-    fn add_row(&self, v: usize, row: &mut [f32]) {
-        for b in &self.boxes {
-            if (b.top..b.bottom).contains(&v) {
-                let factor = self.factors[b.down + v - b.top];
-                let across = &self.factors[b.across..b.down];
-                for (sum, k) in row[b.left..].iter_mut().zip(across) {
-                    *sum += factor * k;
-                }
-            }
-        }
-    }
-}
-
-struct Rows {
-    first: usize,
-    end: usize,
-}
-
-impl Rows {
-    /// These rows of an image with their indices.
-    fn zip_rows<T>(self, image: &mut [T], width: usize) -> impl Iterator<Item = (usize, &mut [T])> {
-        (self.first..self.end).zip(image[self.first * width..].chunks_exact_mut(width))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -347,7 +222,8 @@ mod tests {
             let mut out = vec![f32::NAN; shape.pixels()];
             let widths = Widths::Common([wide, high]);
             let trajectory = Trajectory { points: &points, widths, kernel, weights: Some(&weights) };
-            trajectory.landscape(shape, &mut out).unwrap();
+            let (mut workspace, mut support) = (Workspace::default(), Support::default());
+            trajectory.landscape(shape, &mut workspace, &mut support, &mut out).unwrap();
             let total: f64 = weights.iter().sum();
             for (i, &value) in out.iter().enumerate() {
                 let at = [(i % width) as f64, (i / width) as f64];
@@ -363,11 +239,16 @@ mod tests {
 
     #[test]
     fn a_kernel_ends_exactly_where_it_should() {
+        let shape = Shape::new(1, 201).unwrap();
         for width in 1..100 {
             let mut out = [f32::NAN; 201];
-            Kernel::Triangular.profile(0, 100.0, f64::from(width), 1.0, &mut out);
-            let support = out.iter().filter(|&&k| k > 0.0).count();
-            assert_eq!(support, 2 * width as usize - 1, "width {width}");
+            let widths = Widths::Common([f64::from(width), 1.0]);
+            let points = &[[100.0, 0.0]];
+            let trajectory = Trajectory { points, widths, kernel: Kernel::Triangular, weights: None };
+            let (mut workspace, mut support) = (Workspace::default(), Support::default());
+            trajectory.landscape(shape, &mut workspace, &mut support, &mut out).unwrap();
+            let positive = out.iter().filter(|&&k| k > 0.0).count();
+            assert_eq!(positive, 2 * width as usize - 1, "width {width}");
         }
     }
 }

@@ -1,0 +1,173 @@
+//! Gaussian product kernels, cut at 5 widths.
+//!
+//! A sum of separable kernels is a product of two thin matrices. Points go through in groups whose horizontal
+//! factors fit the caches, and four at a time over every row, so that the row is not read and written for each.
+
+use super::Trajectory;
+use crate::math::exp_nonpositive;
+use crate::shape::{Shape, pixels_between};
+use crate::simd::{Kernel, Simd};
+use crate::support::Support;
+
+/// `|z|` beyond which the profile is 0.
+const REACH: f64 = 5.0;
+/// Points whose sum is formed in float32; the sums of several groups are added in float64.
+const GROUP: usize = 64;
+/// Points that pass over a row together.
+const TOGETHER: usize = 4;
+
+/// A kernel that reaches into the image, and where its factors begin.
+#[derive(Clone, Copy, Debug)]
+struct Bump {
+    columns: [u32; 2],
+    rows: [u32; 2],
+    across: usize,
+    down: usize,
+}
+
+/// What a warmed-up call reuses.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Buffers {
+    bumps: Vec<Bump>,
+    /// Horizontal factors, a whole row of the image for each kernel.
+    across: Vec<f32>,
+    /// Vertical factors, on the rows that the kernel reaches.
+    down: Vec<f32>,
+    /// The kernels that reach the row at hand.
+    active: Vec<Bump>,
+    row: Vec<f32>,
+    sums: Vec<f64>,
+}
+
+/// Writes the landscape of a checked trajectory whose weights sum to `total`, and its support.
+pub(super) fn landscape(
+    trajectory: &Trajectory<'_>,
+    simd: Simd,
+    shape: Shape,
+    total: f64,
+    buffers: &mut Buffers,
+    support: &mut Support,
+    out: &mut [f32],
+) {
+    simd.run(Product { trajectory, shape, total, buffers, support, out });
+}
+
+struct Product<'a> {
+    trajectory: &'a Trajectory<'a>,
+    shape: Shape,
+    total: f64,
+    buffers: &'a mut Buffers,
+    support: &'a mut Support,
+    out: &'a mut [f32],
+}
+
+impl Kernel for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { trajectory, shape, total, buffers, support, out } = self;
+        let (width, points) = (shape.width(), trajectory.points.len());
+        support.clear(shape);
+        if points <= GROUP {
+            buffers.factors(trajectory, 0..points, shape, total, support);
+            for (v, row) in out.chunks_exact_mut(width).enumerate() {
+                row.fill(0.0);
+                buffers.add_row(v as u32, row);
+            }
+            return;
+        }
+        let mut sums = std::mem::take(&mut buffers.sums);
+        sums.clear();
+        sums.resize(shape.pixels(), 0.0);
+        let mut row = std::mem::take(&mut buffers.row);
+        row.resize(width, 0.0);
+        for start in (0..points).step_by(GROUP) {
+            buffers.factors(trajectory, start..points.min(start + GROUP), shape, total, support);
+            for (v, sums) in sums.chunks_exact_mut(width).enumerate() {
+                row.fill(0.0);
+                buffers.add_row(v as u32, &mut row);
+                for (sum, &x) in sums.iter_mut().zip(&row) {
+                    *sum += f64::from(x);
+                }
+            }
+        }
+        for (value, &sum) in out.iter_mut().zip(&sums) {
+            *value = sum as f32;
+        }
+        (buffers.sums, buffers.row) = (sums, row);
+    }
+}
+
+impl Buffers {
+    /// The separable factors of some points, weights and norm folded in.
+    #[inline(always)]
+    fn factors(
+        &mut self,
+        trajectory: &Trajectory<'_>,
+        points: std::ops::Range<usize>,
+        shape: Shape,
+        total: f64,
+        support: &mut Support,
+    ) {
+        self.bumps.clear();
+        self.across.resize(GROUP * shape.width(), 0.0);
+        self.down.resize(GROUP * shape.height(), 0.0);
+        for n in points {
+            let ([u, v], [wide, high]) = (trajectory.points[n], trajectory.widths.of(n));
+            let weight = trajectory.weights.map_or(1.0, |w| w[n]);
+            let (left, right) = pixels_between(u - REACH * wide, u + REACH * wide, shape.width());
+            let (top, bottom) = pixels_between(v - REACH * high, v + REACH * high, shape.height());
+            if left == right || top == bottom || weight == 0.0 {
+                continue;
+            }
+            // Half of the norm goes to either factor, so that neither leaves float32's range.
+            let height = (trajectory.kernel.peak() * (weight / total / wide / high).sqrt()) as f32;
+            let k = self.bumps.len();
+            let (across, down) = (k * shape.width(), k * shape.height());
+            let factors = &mut self.across[across..][..shape.width()];
+            factors[..left].fill(0.0);
+            profile(left, u, wide, height, &mut factors[left..right]);
+            factors[right..].fill(0.0);
+            profile(top, v, high, height, &mut self.down[down..][..bottom - top]);
+            let (rows, columns) = ([top as u32, bottom as u32], [left as u32, right as u32]);
+            support.cover(rows, columns);
+            self.bumps.push(Bump { columns, rows, across, down });
+        }
+    }
+
+    /// Adds the kernels of the group that reach row `v`.
+    #[inline(always)]
+    fn add_row(&mut self, v: u32, row: &mut [f32]) {
+        self.active.clear();
+        self.active.extend(self.bumps.iter().filter(|b| b.rows[0] <= v && v < b.rows[1]));
+        for together in self.active.chunks(TOGETHER) {
+            let left = together.iter().map(|b| b.columns[0]).min().unwrap_or(0) as usize;
+            let right = together.iter().map(|b| b.columns[1]).max().unwrap_or(0) as usize;
+            // Where fewer are left, the first stands in with a factor of 0.
+            let bump = |k: usize| together.get(k).unwrap_or(&together[0]);
+            let across: [&[f32]; TOGETHER] =
+                std::array::from_fn(|k| &self.across[bump(k).across..][left..right]);
+            let down: [f32; TOGETHER] = std::array::from_fn(|k| {
+                together.get(k).map_or(0.0, |b| self.down[b.down + (v - b.rows[0]) as usize])
+            });
+            let [a, b, c, d] = across;
+            for ((((x, a), b), c), d) in row[left..right].iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                *x += (down[0] * a + down[1] * b) + (down[2] * c + down[3] * d);
+            }
+        }
+    }
+}
+
+/// `height exp(-z^2 / 2)` with `z = (p - centre) / width` for the pixels `p` from `first`; 0 for `|z| > 5`.
+#[inline(always)]
+fn profile(first: usize, centre: f64, width: f64, height: f32, out: &mut [f32]) {
+    let (inverse, limit) = (1.0 / width, REACH * width);
+    for (i, value) in out.iter_mut().enumerate() {
+        // Offsets are formed in float64: float32 is too coarse for a narrow kernel far from the origin.
+        let d = f64::from(first as i32 + i as i32) - centre;
+        let z = (d * inverse) as f32;
+        let k = height * exp_nonpositive(-0.5 * z * z);
+        *value = if d.abs() <= limit { k } else { 0.0 };
+    }
+}

@@ -1,0 +1,230 @@
+//! One cycle of attention in one call: from the plan or the posture to where each camera shall look.
+//!
+//! It gives what the single kernels give one after the other, bit for bit, and is faster in two ways: nothing
+//! goes back to the caller between them, and a landscape hands its support to the sampler or the threshold.
+
+use crate::error::{Error, Result};
+use crate::gaussian::Gaussian;
+use crate::gibbs::{Gibbs, Schedule};
+use crate::kernel::{self, Kernel, Trajectory, Widths};
+use crate::masses::Masses;
+use crate::mlp::{self, Mlp};
+use crate::parallel;
+use crate::rng::Xoshiro256PlusPlus;
+use crate::shape::Shape;
+use crate::simd::Simd;
+use crate::support::Support;
+use crate::threshold::{self, Method, Wanted, threshold_on};
+
+/// Points nearer than this to a camera's plane [m], or behind it, have no pixel.
+const NEAREST: f64 = 0.01;
+
+/// The logarithms of the factors of a learned ellipse are clipped to this: from far below a pixel to far
+/// beyond any image.
+const LOG_FACTOR: f64 = 12.0;
+
+/// How a camera's landscape follows from the plan.
+#[derive(Clone, Copy, Debug)]
+pub enum Map<'a> {
+    /// The plan's points are projected already, to (u, v) [px]. NaN marks a point that has no pixel.
+    Pixels(&'a [[f64; 2]]),
+    /// Projection matrix (3, 4), row-major, whose third row gives the depth [m].
+    Matrix(&'a [f64; 12]),
+    /// A network from (x, y, z, joints) to (u, v).
+    Network(&'a Mlp),
+    /// A network from the joints to the ellipse of the reachable space, (u, v, ln L1, L2, ln L3).
+    Ellipse(&'a Mlp),
+}
+
+/// Where to look, to be filled.
+#[derive(Debug)]
+pub enum Look<'a> {
+    /// Centres (u, v) of windows, Gibbs samples of the landscape from an exact start.
+    Windows(&'a mut [i32]),
+    /// The most relevant pixels.
+    Mask(Wanted, &'a mut [bool]),
+}
+
+/// What all cameras share.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan<'a> {
+    /// The path of the hand [m] in the root frame; unused by ellipses and by pixels.
+    pub points: &'a [[f64; 3]],
+    /// The posture [rad].
+    pub joints: &'a [f64],
+    /// Profile of the kernels on the path.
+    pub kernel: Kernel,
+    /// Radius and mixing of the ellipses.
+    pub cutoff: f64,
+    /// Share of the Gaussian in its mixture with a uniform.
+    pub mixing: f64,
+}
+
+/// One camera: what goes in and what comes out.
+#[derive(Debug)]
+pub struct View<'a> {
+    /// Size of its image.
+    pub shape: Shape,
+    /// How the plan appears in it.
+    pub map: Map<'a>,
+    /// Kernel widths (horizontal, vertical) [px].
+    pub width: [f64; 2],
+    /// Starts the generator of the windows.
+    pub seed: u64,
+    /// The landscape, one element per pixel.
+    pub landscape: &'a mut [f32],
+    /// Where to look.
+    pub look: Look<'a>,
+}
+
+/// What a camera has of the plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sight {
+    /// Nothing: all of it lies behind the camera. The outputs are not written.
+    Behind,
+    /// Nothing: it lies beside the image. The landscape is zero everywhere; the look is not written.
+    Beside,
+    /// Something. The threshold of a mask.
+    Seen(Option<f64>),
+}
+
+/// Buffers of one camera; a call with a warmed-up workspace allocates nothing.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    inputs: Vec<f64>,
+    outputs: Vec<f32>,
+    pixels: Vec<[f64; 2]>,
+    support: Support,
+    masses: Masses,
+    mlp: mlp::Workspace,
+    kernel: kernel::Workspace,
+    threshold: threshold::Workspace,
+}
+
+/// A camera, its buffers, and what comes of it.
+#[derive(Debug)]
+pub struct Task<'a> {
+    /// The camera.
+    pub view: View<'a>,
+    /// Its buffers.
+    pub workspace: &'a mut Workspace,
+    /// The result, once [`run`] is done.
+    pub result: Result<Sight>,
+}
+
+/// Runs every camera's task, at once on several threads or one after the other; with the same results.
+pub fn run(plan: &Plan<'_>, tasks: &mut [Task<'_>], threads: bool) {
+    let work = |_: usize, task: &mut Task<'_>| {
+        task.result = task.view.run(Simd::best(), plan, task.workspace);
+    };
+    if threads {
+        parallel::for_each(tasks, work);
+    } else {
+        tasks.iter_mut().for_each(|task| work(0, task));
+    }
+}
+
+impl View<'_> {
+    /// Makes the landscape and looks.
+    ///
+    /// # Errors
+    /// As the kernels that it calls; a network that does not fit the joints.
+    pub fn run(&mut self, simd: Simd, plan: &Plan<'_>, workspace: &mut Workspace) -> Result<Sight> {
+        if let Map::Ellipse(network) = self.map {
+            let gaussian = ellipse(simd, network, plan, workspace)?;
+            gaussian.landscape_on(simd, self.shape, &mut workspace.support, self.landscape)?;
+        } else {
+            project(simd, self.map, plan, workspace)?;
+            if workspace.pixels.is_empty() {
+                return Ok(Sight::Behind);
+            }
+            let Workspace { pixels, kernel, support, .. } = workspace;
+            let widths = Widths::Common(self.width);
+            let path = Trajectory { points: pixels, widths, kernel: plan.kernel, weights: None };
+            path.landscape_on(simd, self.shape, kernel, support, self.landscape)?;
+        }
+        let rows = workspace.support.rows();
+        let inside = &self.landscape[rows.start * self.shape.width()..rows.end * self.shape.width()];
+        // A support may be empty, and a tiny value at its rim may have become 0 in float32.
+        if !inside.iter().any(|&p| p > 0.0) {
+            return Ok(Sight::Beside);
+        }
+        match &mut self.look {
+            Look::Windows(centres) => {
+                let Workspace { masses, support, .. } = workspace;
+                let mut rng = Xoshiro256PlusPlus::new(self.seed);
+                let mut chain = Gibbs::new(simd, self.landscape, self.shape, Some(support), masses)?;
+                chain.start_drawn(&mut rng);
+                chain.run(&mut rng, u64::MAX, &mut Schedule::new(0, 1), centres);
+                Ok(Sight::Seen(None))
+            }
+            Look::Mask(wanted, mask) => {
+                let count = Wanted::Count(wanted.of(self.shape.pixels(), 1)? as u64);
+                let rows = Shape::new(rows.len(), self.shape.width())?;
+                let level =
+                    threshold_on(simd, inside, rows, count, 1, Method::Select, &mut workspace.threshold)?;
+                self.shape.check("mask", mask.len())?;
+                for (m, &p) in mask.iter_mut().zip(&*self.landscape) {
+                    *m = f64::from(p) >= level;
+                }
+                Ok(Sight::Seen(Some(level)))
+            }
+        }
+    }
+}
+
+/// The pixels of the plan's points in front of the camera.
+fn project(simd: Simd, map: Map<'_>, plan: &Plan<'_>, workspace: &mut Workspace) -> Result<()> {
+    let pixels = &mut workspace.pixels;
+    pixels.clear();
+    match map {
+        Map::Pixels(given) => {
+            pixels.extend(given.iter().filter(|p| !p[0].is_nan() && !p[1].is_nan()));
+        }
+        Map::Matrix(matrix) => {
+            for &[x, y, z] in plan.points {
+                let row = |k: usize| {
+                    matrix[4 * k] * x + matrix[4 * k + 1] * y + matrix[4 * k + 2] * z + matrix[4 * k + 3]
+                };
+                let depth = row(2);
+                if depth >= NEAREST {
+                    pixels.push([row(0) / depth, row(1) / depth]);
+                }
+            }
+        }
+        Map::Network(network) => {
+            let Workspace { inputs, outputs, mlp, .. } = workspace;
+            fits(network, 3 + plan.joints.len(), 2)?;
+            inputs.clear();
+            for point in plan.points {
+                inputs.extend_from_slice(point);
+                inputs.extend_from_slice(plan.joints);
+            }
+            outputs.resize(2 * plan.points.len(), 0.0);
+            network.forward_on(simd, inputs, mlp, outputs)?;
+            pixels.extend(outputs.as_chunks::<2>().0.iter().map(|p| p.map(f64::from)));
+        }
+        Map::Ellipse(_) => {}
+    }
+    Ok(())
+}
+
+/// The ellipse that a network gives for the posture.
+fn ellipse(simd: Simd, network: &Mlp, plan: &Plan<'_>, workspace: &mut Workspace) -> Result<Gaussian> {
+    fits(network, plan.joints.len(), 5)?;
+    let mut out = [0.0_f32; 5];
+    network.forward_on(simd, plan.joints, &mut workspace.mlp, &mut out)?;
+    let [u, v, l1, l2, l3] = out.map(f64::from);
+    let factor = |log: f64| log.clamp(-LOG_FACTOR, LOG_FACTOR).exp();
+    let (cutoff, mixing) = (plan.cutoff, plan.mixing);
+    Ok(Gaussian { mean: [u, v], chol: [factor(l1), l2, factor(l3)], cutoff, mixing })
+}
+
+fn fits(network: &Mlp, inputs: usize, outputs: usize) -> Result<()> {
+    if (network.inputs(), network.outputs()) == (inputs, outputs) {
+        return Ok(());
+    }
+    let expected = format!("a network of {inputs} inputs and {outputs} outputs");
+    let found = format!("{} and {}", network.inputs(), network.outputs());
+    Err(Error::shape("maps", expected, found))
+}
