@@ -1,0 +1,207 @@
+//! The passes through the network, block by block of points.
+
+use super::Mlp;
+use super::tiles::{LANES, Line};
+use crate::error::{Error, Result};
+use crate::math::tanh;
+use crate::simd::Kernel;
+
+/// Points of the narrow block, for a remainder that fits into half the lanes.
+const NARROW: usize = LANES / 2;
+
+/// Buffers of a pass. They fit themselves to any network; keep one per thread, and calls allocate nothing.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    /// Activations, or gradients, of the layer at hand.
+    current: Vec<Line>,
+    /// Those of the layer that follows in the direction of the pass.
+    next: Vec<Line>,
+    /// Derivatives of the activations of all hidden layers, one layer after the other.
+    slopes: Vec<Line>,
+    /// Where the terms of a product without biases start.
+    zeros: Vec<f32>,
+}
+
+impl Workspace {
+    /// Room for layers of up to `widest` units and for the slopes of `hidden` units.
+    fn reserve(&mut self, widest: usize, hidden: usize) {
+        fn grow<T: Clone>(buffer: &mut Vec<T>, size: usize, value: T) {
+            if buffer.len() < size {
+                buffer.resize(size, value);
+            }
+        }
+        grow(&mut self.current, widest, Line::ZERO);
+        grow(&mut self.next, widest, Line::ZERO);
+        grow(&mut self.slopes, hidden, Line::ZERO);
+        grow(&mut self.zeros, widest, 0.0);
+    }
+}
+
+/// The outputs (N, out) of the points `x` (N, in).
+pub(super) struct Forward<'a, X> {
+    pub(super) mlp: &'a Mlp,
+    pub(super) x: &'a [X],
+    pub(super) workspace: &'a mut Workspace,
+    pub(super) out: &'a mut [f32],
+}
+
+impl<X: Copy + Into<f64>> Kernel for Forward<'_, X> {
+    type Output = Result<()>;
+
+    #[inline(always)]
+    fn run(self) -> Result<()> {
+        let Self { mlp, x, workspace, out } = self;
+        check_inputs(mlp, x)?;
+        workspace.reserve(mlp.widest, 0);
+        let (inputs, outputs) = (mlp.inputs(), mlp.outputs());
+        for (x, out) in x.chunks(LANES * inputs).zip(out.chunks_mut(LANES * outputs)) {
+            if x.len() <= NARROW * inputs {
+                forward::<X, NARROW>(mlp, x, workspace, out);
+            } else {
+                forward::<X, LANES>(mlp, x, workspace, out);
+            }
+        }
+        check_outputs(out, outputs)
+    }
+}
+
+/// The Jacobians (N, out, in) at the points `x` (N, in).
+pub(super) struct Jacobian<'a, X> {
+    pub(super) mlp: &'a Mlp,
+    pub(super) x: &'a [X],
+    pub(super) workspace: &'a mut Workspace,
+    pub(super) out: &'a mut [f32],
+}
+
+impl<X: Copy + Into<f64>> Kernel for Jacobian<'_, X> {
+    type Output = Result<()>;
+
+    #[inline(always)]
+    fn run(self) -> Result<()> {
+        let Self { mlp, x, workspace, out } = self;
+        check_inputs(mlp, x)?;
+        workspace.reserve(mlp.widest, mlp.hidden);
+        let (inputs, per_point) = (mlp.inputs(), mlp.outputs() * mlp.inputs());
+        for (x, out) in x.chunks(LANES * inputs).zip(out.chunks_mut(LANES * per_point)) {
+            if x.len() <= NARROW * inputs {
+                jacobian::<X, NARROW>(mlp, x, workspace, out);
+            } else {
+                jacobian::<X, LANES>(mlp, x, workspace, out);
+            }
+        }
+        check_outputs(out, per_point)
+    }
+}
+
+/// Up to `W` points.
+#[inline(always)]
+fn forward<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut Workspace, out: &mut [f32]) {
+    let (mut current, mut next) = (&mut space.current[..], &mut space.next[..]);
+    load(mlp, x, current);
+    let (last, hidden) = mlp.layers.split_last().unwrap_or_else(|| unreachable!());
+    for layer in hidden {
+        layer.forward.times::<W>(current, &layer.biases, next);
+        for y in &mut next[..layer.outputs] {
+            let y = y.points_mut::<W>();
+            *y = y.map(|y| tanh(y));
+        }
+        std::mem::swap(&mut current, &mut next);
+    }
+    last.forward.times::<W>(current, &last.biases, next);
+    let scale = mlp.output.std.iter().zip(&mlp.output.mean);
+    for (o, (y, (&std, &mean))) in next.iter().zip(scale).enumerate() {
+        let y = y.points::<W>().map(|y| (f64::from(y) * std + mean) as f32);
+        store(y, &mut out[o..], last.outputs);
+    }
+}
+
+/// Up to `W` points. Goes backwards from one output at a time, for there are fewer outputs than inputs.
+#[inline(always)]
+fn jacobian<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut Workspace, out: &mut [f32]) {
+    let (mut current, mut next) = (&mut space.current[..], &mut space.next[..]);
+    load(mlp, x, current);
+    let (last, hidden) = mlp.layers.split_last().unwrap_or_else(|| unreachable!());
+    let mut slopes = &mut space.slopes[..];
+    for layer in hidden {
+        layer.forward.times::<W>(current, &layer.biases, next);
+        for (y, slope) in next[..layer.outputs].iter_mut().zip(&mut slopes[..]) {
+            let y = y.points_mut::<W>();
+            *y = y.map(|y| tanh(y));
+            *slope.points_mut() = y.map(|y| 1.0 - y * y);
+        }
+        slopes = &mut slopes[layer.outputs..];
+        std::mem::swap(&mut current, &mut next);
+    }
+    let (inputs, per_point) = (mlp.inputs(), mlp.inputs() * last.outputs);
+    for o in 0..last.outputs {
+        // By the inputs of the last layer, which is linear, the gradient is its row of weights.
+        for (g, &w) in current.iter_mut().zip(last.row(o)) {
+            *g.points_mut() = [w; W];
+        }
+        let mut end = mlp.hidden;
+        for layer in hidden.iter().rev() {
+            let slopes = &space.slopes[end - layer.outputs..end];
+            for (g, slope) in current.iter_mut().zip(slopes) {
+                let g = g.points_mut::<W>();
+                for (g, slope) in g.iter_mut().zip(slope.points::<W>()) {
+                    *g *= slope;
+                }
+            }
+            layer.backward.times::<W>(current, &space.zeros, next);
+            std::mem::swap(&mut current, &mut next);
+            end -= layer.outputs;
+        }
+        let per_std = mlp.input_rates.iter();
+        for (i, (g, rate)) in current.iter().zip(per_std).enumerate() {
+            let scale = mlp.output.std[o] * rate;
+            let g = g.points::<W>().map(|g| (f64::from(g) * scale) as f32);
+            store(g, &mut out[o * inputs + i..], per_point);
+        }
+    }
+}
+
+/// Scales a block of points and transposes it, one point to a lane.
+#[inline(always)]
+fn load<X: Copy + Into<f64>>(mlp: &Mlp, x: &[X], block: &mut [Line]) {
+    let inputs = mlp.inputs();
+    for (lane, x) in x.chunks_exact(inputs).enumerate() {
+        let scale = mlp.input.mean.iter().zip(&mlp.input_rates);
+        for ((line, &x), (mean, rate)) in block.iter_mut().zip(x).zip(scale) {
+            line.0[lane] = ((x.into() - mean) * rate) as f32;
+        }
+    }
+}
+
+/// Writes one number of every point, `stride` apart.
+#[inline(always)]
+fn store<const W: usize>(values: [f32; W], out: &mut [f32], stride: usize) {
+    for (out, value) in out.iter_mut().step_by(stride).zip(values) {
+        *out = value;
+    }
+}
+
+#[inline(always)]
+fn check_inputs<X: Copy + Into<f64>>(mlp: &Mlp, x: &[X]) -> Result<()> {
+    // Without an early exit the test of a good input is a loop of vectors.
+    let good = x.iter().fold(true, |good, &x| good & x.into().is_finite());
+    if good { Ok(()) } else { Err(infinite_input(mlp.inputs(), x)) }
+}
+
+#[cold]
+fn infinite_input<X: Copy + Into<f64>>(inputs: usize, x: &[X]) -> Error {
+    let at = x.iter().position(|&x| !x.into().is_finite()).unwrap_or(0);
+    Error::element("x", &[at / inputs, at % inputs], "finite", x[at].into())
+}
+
+#[inline(always)]
+fn check_outputs(out: &[f32], per_point: usize) -> Result<()> {
+    let good = out.iter().fold(true, |good, y| good & y.is_finite());
+    if good { Ok(()) } else { Err(infinite_output(out, per_point)) }
+}
+
+#[cold]
+fn infinite_output(out: &[f32], per_point: usize) -> Error {
+    let at = out.iter().position(|y| !y.is_finite()).unwrap_or(0);
+    let row = at / per_point;
+    Error::conflict("x", format!("has a row {row} for which the network overflows float32"))
+}
