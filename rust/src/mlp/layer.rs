@@ -15,6 +15,8 @@ pub(super) struct Layer {
     pub(super) forward: Tiles,
     /// From the gradient by the outputs to the gradient by the inputs: the transpose.
     pub(super) backward: Tiles,
+    /// A zero for each input: gradients have no biases.
+    pub(super) no_biases: Vec<f32>,
 }
 
 impl Layer {
@@ -46,7 +48,7 @@ impl Layer {
         let biases = narrow(format!("biases[{k}]"), biases, None)?;
         let forward = Tiles::pack(outputs, inputs, |output, input| weights[output * inputs + input]);
         let backward = Tiles::pack(inputs, outputs, |input, output| weights[output * inputs + input]);
-        Ok(Self { inputs, outputs, weights, biases, forward, backward })
+        Ok(Self { inputs, outputs, weights, biases, forward, backward, no_biases: vec![0.0; inputs] })
     }
 
     /// Weights of output `o`.

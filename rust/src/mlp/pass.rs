@@ -1,39 +1,30 @@
 //! The passes through the network, block by block of points.
 
 use super::Mlp;
-use super::tiles::{LANES, Line};
 use crate::error::{Error, Result};
 use crate::math::tanh;
 use crate::simd::Kernel;
 
-/// Points of the narrow block, for a remainder that fits into half the lanes.
-const NARROW: usize = LANES / 2;
+/// Points that go through the network together, one in each vector lane.
+const LANES: usize = 16;
+/// The same where registers are few or short, and for a remainder that fits.
+const NARROW: usize = 8;
 
 /// Buffers of a pass. They fit themselves to any network; keep one per thread, and calls allocate nothing.
 #[derive(Clone, Debug, Default)]
-pub struct Workspace {
-    /// Activations, or gradients, of the layer at hand.
-    current: Vec<Line>,
-    /// Those of the layer that follows in the direction of the pass.
-    next: Vec<Line>,
-    /// Derivatives of the activations of all hidden layers, one layer after the other.
-    slopes: Vec<Line>,
-    /// Where the terms of a product without biases start.
-    zeros: Vec<f32>,
-}
+pub struct Workspace(Vec<f32>);
 
 impl Workspace {
-    /// Room for layers of up to `widest` units and for the slopes of `hidden` units.
-    fn reserve(&mut self, widest: usize, hidden: usize) {
-        fn grow<T: Clone>(buffer: &mut Vec<T>, size: usize, value: T) {
-            if buffer.len() < size {
-                buffer.resize(size, value);
-            }
+    /// Lines of `W` points for each of the sizes, one after the other, from the start of a cache line.
+    #[inline(always)]
+    fn lines<const W: usize>(&mut self, count: usize) -> &mut [[f32; W]] {
+        const CACHE_LINE: usize = 64 / size_of::<f32>();
+        let size = count * W;
+        if self.0.len() < size + CACHE_LINE {
+            self.0.resize(size + CACHE_LINE, 0.0);
         }
-        grow(&mut self.current, widest, Line::ZERO);
-        grow(&mut self.next, widest, Line::ZERO);
-        grow(&mut self.slopes, hidden, Line::ZERO);
-        grow(&mut self.zeros, widest, 0.0);
+        let start = self.0.as_ptr().align_offset(64).min(CACHE_LINE);
+        self.0[start..start + size].as_chunks_mut().0
     }
 }
 
@@ -52,7 +43,6 @@ impl<X: Copy + Into<f64>> Kernel for Forward<'_, X> {
     fn run(self) -> Result<()> {
         let Self { mlp, x, workspace, out } = self;
         check_inputs(mlp, x)?;
-        workspace.reserve(mlp.widest, 0);
         let (inputs, outputs) = (mlp.inputs(), mlp.outputs());
         for (x, out) in x.chunks(LANES * inputs).zip(out.chunks_mut(LANES * outputs)) {
             if x.len() <= NARROW * inputs {
@@ -80,7 +70,6 @@ impl<X: Copy + Into<f64>> Kernel for Jacobian<'_, X> {
     fn run(self) -> Result<()> {
         let Self { mlp, x, workspace, out } = self;
         check_inputs(mlp, x)?;
-        workspace.reserve(mlp.widest, mlp.hidden);
         let (inputs, per_point) = (mlp.inputs(), mlp.outputs() * mlp.inputs());
         for (x, out) in x.chunks(LANES * inputs).zip(out.chunks_mut(LANES * per_point)) {
             if x.len() <= NARROW * inputs {
@@ -96,21 +85,21 @@ impl<X: Copy + Into<f64>> Kernel for Jacobian<'_, X> {
 /// Up to `W` points.
 #[inline(always)]
 fn forward<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut Workspace, out: &mut [f32]) {
-    let (mut current, mut next) = (&mut space.current[..], &mut space.next[..]);
+    let lines = space.lines::<W>(2 * mlp.widest);
+    let (mut current, mut next) = lines.split_at_mut(mlp.widest);
     load(mlp, x, current);
     let (last, hidden) = mlp.layers.split_last().unwrap_or_else(|| unreachable!());
     for layer in hidden {
-        layer.forward.times::<W>(current, &layer.biases, next);
-        for y in &mut next[..layer.outputs] {
-            let y = y.points_mut::<W>();
-            *y = y.map(|y| tanh(y));
+        layer.forward.times(current, &layer.biases, next);
+        for y in next[..layer.outputs].as_flattened_mut() {
+            *y = tanh(*y);
         }
         std::mem::swap(&mut current, &mut next);
     }
-    last.forward.times::<W>(current, &last.biases, next);
+    last.forward.times(current, &last.biases, next);
     let scale = mlp.output.std.iter().zip(&mlp.output.mean);
     for (o, (y, (&std, &mean))) in next.iter().zip(scale).enumerate() {
-        let y = y.points::<W>().map(|y| (f64::from(y) * std + mean) as f32);
+        let y = y.map(|y| (f64::from(y) * std + mean) as f32);
         store(y, &mut out[o..], last.outputs);
     }
 }
@@ -118,43 +107,43 @@ fn forward<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut 
 /// Up to `W` points. Goes backwards from one output at a time, for there are fewer outputs than inputs.
 #[inline(always)]
 fn jacobian<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut Workspace, out: &mut [f32]) {
-    let (mut current, mut next) = (&mut space.current[..], &mut space.next[..]);
+    let lines = space.lines::<W>(2 * mlp.widest + mlp.hidden);
+    let (lines, all_slopes) = lines.split_at_mut(2 * mlp.widest);
+    let (mut current, mut next) = lines.split_at_mut(mlp.widest);
     load(mlp, x, current);
     let (last, hidden) = mlp.layers.split_last().unwrap_or_else(|| unreachable!());
-    let mut slopes = &mut space.slopes[..];
+    let mut slopes = &mut all_slopes[..];
     for layer in hidden {
-        layer.forward.times::<W>(current, &layer.biases, next);
-        for (y, slope) in next[..layer.outputs].iter_mut().zip(&mut slopes[..]) {
-            let y = y.points_mut::<W>();
-            *y = y.map(|y| tanh(y));
-            *slope.points_mut() = y.map(|y| 1.0 - y * y);
+        layer.forward.times(current, &layer.biases, next);
+        let slope;
+        (slope, slopes) = slopes.split_at_mut(layer.outputs);
+        let y = next[..layer.outputs].as_flattened_mut();
+        for (y, slope) in y.iter_mut().zip(slope.as_flattened_mut()) {
+            *y = tanh(*y);
+            *slope = 1.0 - *y * *y;
         }
-        slopes = &mut slopes[layer.outputs..];
         std::mem::swap(&mut current, &mut next);
     }
     let (inputs, per_point) = (mlp.inputs(), mlp.inputs() * last.outputs);
     for o in 0..last.outputs {
         // By the inputs of the last layer, which is linear, the gradient is its row of weights.
         for (g, &w) in current.iter_mut().zip(last.row(o)) {
-            *g.points_mut() = [w; W];
+            *g = [w; W];
         }
         let mut end = mlp.hidden;
         for layer in hidden.iter().rev() {
-            let slopes = &space.slopes[end - layer.outputs..end];
-            for (g, slope) in current.iter_mut().zip(slopes) {
-                let g = g.points_mut::<W>();
-                for (g, slope) in g.iter_mut().zip(slope.points::<W>()) {
-                    *g *= slope;
-                }
+            let slopes = all_slopes[end - layer.outputs..end].as_flattened();
+            for (g, slope) in current.as_flattened_mut().iter_mut().zip(slopes) {
+                *g *= slope;
             }
-            layer.backward.times::<W>(current, &space.zeros, next);
+            layer.backward.times(current, &layer.no_biases, next);
             std::mem::swap(&mut current, &mut next);
             end -= layer.outputs;
         }
         let per_std = mlp.input_rates.iter();
         for (i, (g, rate)) in current.iter().zip(per_std).enumerate() {
             let scale = mlp.output.std[o] * rate;
-            let g = g.points::<W>().map(|g| (f64::from(g) * scale) as f32);
+            let g = g.map(|g| (f64::from(g) * scale) as f32);
             store(g, &mut out[o * inputs + i..], per_point);
         }
     }
@@ -162,12 +151,12 @@ fn jacobian<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut
 
 /// Scales a block of points and transposes it, one point to a lane.
 #[inline(always)]
-fn load<X: Copy + Into<f64>>(mlp: &Mlp, x: &[X], block: &mut [Line]) {
+fn load<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], block: &mut [[f32; W]]) {
     let inputs = mlp.inputs();
     for (lane, x) in x.chunks_exact(inputs).enumerate() {
         let scale = mlp.input.mean.iter().zip(&mlp.input_rates);
         for ((line, &x), (mean, rate)) in block.iter_mut().zip(x).zip(scale) {
-            line.0[lane] = ((x.into() - mean) * rate) as f32;
+            line[lane] = ((x.into() - mean) * rate) as f32;
         }
     }
 }
