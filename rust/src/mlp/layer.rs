@@ -1,7 +1,7 @@
 //! One layer, checked and packed for both directions.
 
 use super::Weights;
-use super::tiles::Tiles;
+use super::tiles::Product;
 use crate::error::{Error, Result};
 
 /// One layer: `weights` is (outputs, inputs), row-major.
@@ -12,11 +12,9 @@ pub(super) struct Layer {
     pub(super) weights: Vec<f32>,
     pub(super) biases: Vec<f32>,
     /// From inputs to outputs.
-    pub(super) forward: Tiles,
+    pub(super) forward: Product,
     /// From the gradient by the outputs to the gradient by the inputs: the transpose.
-    pub(super) backward: Tiles,
-    /// A zero for each input: gradients have no biases.
-    pub(super) no_biases: Vec<f32>,
+    pub(super) backward: Product,
 }
 
 impl Layer {
@@ -46,9 +44,9 @@ impl Layer {
         };
         let weights = narrow(name, &values, Some(columns))?;
         let biases = narrow(format!("biases[{k}]"), biases, None)?;
-        let forward = Tiles::pack(outputs, inputs, |output, input| weights[output * inputs + input]);
-        let backward = Tiles::pack(inputs, outputs, |input, output| weights[output * inputs + input]);
-        Ok(Self { inputs, outputs, weights, biases, forward, backward, no_biases: vec![0.0; inputs] })
+        let forward = Product::pack(inputs, &biases, |o, i| weights[o * inputs + i]);
+        let backward = Product::pack(outputs, &vec![0.0; inputs], |i, o| weights[o * inputs + i]);
+        Ok(Self { inputs, outputs, weights, biases, forward, backward })
     }
 
     /// Weights of output `o`.

@@ -38,7 +38,7 @@ pub struct Mlp {
     output: Scale,
     /// Reciprocals of the inputs' standard deviations.
     input_rates: Vec<f64>,
-    /// Units of the widest layer, inputs and outputs included.
+    /// Lines for the units of the widest layer, inputs and outputs included.
     widest: usize,
     /// Units of all hidden layers.
     hidden: usize,
@@ -64,7 +64,7 @@ impl Mlp {
         }
         let input_rates = input.std.iter().map(|std| 1.0 / std).collect();
         let sizes = layers.iter().map(|layer| layer.outputs);
-        let widest = sizes.clone().fold(layers[0].inputs, usize::max);
+        let widest = tiles::padded(sizes.clone().fold(layers[0].inputs, usize::max));
         let hidden = sizes.rev().skip(1).sum();
         let mlp = Self { layers, input, output, input_rates, widest, hidden };
         mlp.input.check(["input_mean", "input_std"], mlp.inputs())?;

@@ -90,13 +90,13 @@ fn forward<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut 
     load(mlp, x, current);
     let (last, hidden) = mlp.layers.split_last().unwrap_or_else(|| unreachable!());
     for layer in hidden {
-        layer.forward.times(current, &layer.biases, next);
+        layer.forward.of(current, next);
         for y in next[..layer.outputs].as_flattened_mut() {
             *y = tanh(*y);
         }
         std::mem::swap(&mut current, &mut next);
     }
-    last.forward.times(current, &last.biases, next);
+    last.forward.of(current, next);
     let scale = mlp.output.std.iter().zip(&mlp.output.mean);
     for (o, (y, (&std, &mean))) in next.iter().zip(scale).enumerate() {
         let y = y.map(|y| (f64::from(y) * std + mean) as f32);
@@ -114,7 +114,7 @@ fn jacobian<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut
     let (last, hidden) = mlp.layers.split_last().unwrap_or_else(|| unreachable!());
     let mut slopes = &mut all_slopes[..];
     for layer in hidden {
-        layer.forward.times(current, &layer.biases, next);
+        layer.forward.of(current, next);
         let slope;
         (slope, slopes) = slopes.split_at_mut(layer.outputs);
         let y = next[..layer.outputs].as_flattened_mut();
@@ -136,7 +136,7 @@ fn jacobian<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut
             for (g, slope) in current.as_flattened_mut().iter_mut().zip(slopes) {
                 *g *= slope;
             }
-            layer.backward.times(current, &layer.no_biases, next);
+            layer.backward.of(current, next);
             std::mem::swap(&mut current, &mut next);
             end -= layer.outputs;
         }
@@ -149,15 +149,16 @@ fn jacobian<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut
     }
 }
 
-/// Scales a block of points and transposes it, one point to a lane.
+/// Scales a block of points and transposes it, one point to a lane. The last point fills the lanes left over.
 #[inline(always)]
 fn load<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], block: &mut [[f32; W]]) {
     let inputs = mlp.inputs();
-    for (lane, x) in x.chunks_exact(inputs).enumerate() {
-        let scale = mlp.input.mean.iter().zip(&mlp.input_rates);
-        for ((line, &x), (mean, rate)) in block.iter_mut().zip(x).zip(scale) {
-            line[lane] = ((x.into() - mean) * rate) as f32;
-        }
+    let last = x.len() - inputs;
+    // From row to line: the other way round compilers scatter, which is slow where it exists.
+    let rows: [&[X]; W] = std::array::from_fn(|lane| &x[last.min(lane * inputs)..][..inputs]);
+    let scale = mlp.input.mean.iter().zip(&mlp.input_rates);
+    for (i, (line, (mean, rate))) in block[..inputs].iter_mut().zip(scale).enumerate() {
+        *line = rows.map(|row| ((row[i].into() - mean) * rate) as f32);
     }
 }
 

@@ -4,58 +4,61 @@
 /// enough that all sums stay in registers.
 const TILE: usize = 5;
 
-/// An (outputs, inputs) matrix in the order in which it is read: tiles of outputs, inside them inputs, inside
-/// them the outputs of the tile. The last tile is narrower if need be.
+/// Lines that a product writes for `outputs` outputs: whole tiles.
+pub(super) fn padded(outputs: usize) -> usize {
+    outputs.next_multiple_of(TILE)
+}
+
+/// `matrix x + start`, packed in the order in which it is read: tiles of outputs, inside them inputs, inside
+/// them the outputs of the tile. Zeros fill the last tile.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Tiles {
+pub(super) struct Product {
     inputs: usize,
-    outputs: usize,
-    values: Vec<f32>,
+    matrix: Vec<[f32; TILE]>,
+    start: Vec<[f32; TILE]>,
 }
 
-impl Tiles {
-    /// Packs the matrix whose element (output, input) is `value(output, input)`.
-    pub(super) fn pack(outputs: usize, inputs: usize, value: impl Fn(usize, usize) -> f32) -> Self {
-        let mut values = Vec::with_capacity(outputs * inputs);
-        for first in (0..outputs).step_by(TILE) {
-            for input in 0..inputs {
-                values.extend((first..outputs.min(first + TILE)).map(|output| value(output, input)));
-            }
+impl Product {
+    /// Packs the matrix whose element (output, input) is `value(output, input)`; the sums begin at `start`.
+    pub(super) fn pack(inputs: usize, start: &[f32], value: impl Fn(usize, usize) -> f32) -> Self {
+        let tile = |first: usize, value: &dyn Fn(usize) -> f32| {
+            std::array::from_fn(|o| if first + o < start.len() { value(first + o) } else { 0.0 })
+        };
+        let firsts = (0..start.len()).step_by(TILE);
+        Self {
+            inputs,
+            start: firsts.clone().map(|first| tile(first, &|output| start[output])).collect(),
+            matrix: firsts
+                .flat_map(|first| (0..inputs).map(move |input| (first, input)))
+                .map(|(first, input)| tile(first, &|output| value(output, input)))
+                .collect(),
         }
-        Self { inputs, outputs, values }
     }
 
-    /// `y = matrix x + start` for `W` points, terms added one after the other in the order of `x`.
+    /// The product for `W` points, terms added one after the other in the order of `x`. Writes [`padded`] lines.
     #[inline(always)]
-    pub(super) fn times<const W: usize>(&self, x: &[[f32; W]], start: &[f32], y: &mut [[f32; W]]) {
-        let (x, start, y) = (&x[..self.inputs], &start[..self.outputs], &mut y[..self.outputs]);
-        let whole = self.outputs / TILE * TILE;
-        let (tiles, rest) = self.values.split_at(whole * self.inputs);
-        let (start, start_rest) = start.split_at(whole);
-        let (y, y_rest) = y.split_at_mut(whole);
-        let tiles = tiles.chunks_exact(TILE * self.inputs);
-        for ((tile, start), y) in tiles.zip(start.chunks_exact(TILE)).zip(y.chunks_exact_mut(TILE)) {
-            sum::<TILE, W>(tile, x, start, y);
-        }
-        match y_rest.len() {
-            1 => sum::<1, W>(rest, x, start_rest, y_rest),
-            2 => sum::<2, W>(rest, x, start_rest, y_rest),
-            3 => sum::<3, W>(rest, x, start_rest, y_rest),
-            4 => sum::<4, W>(rest, x, start_rest, y_rest),
-            _ => {}
+    pub(super) fn of<const W: usize>(&self, x: &[[f32; W]], y: &mut [[f32; W]]) {
+        let tiles = self.matrix.chunks_exact(self.inputs).zip(&self.start);
+        for ((matrix, start), y) in tiles.zip(y.as_chunks_mut().0) {
+            sum(matrix, start, x, y);
         }
     }
 }
 
-/// One tile of `N` outputs.
+/// One tile. The sums are made anew in every step, by value: the compiler then keeps them in registers, where it
+/// leaves an array that is changed in place in memory.
 #[inline(always)]
-fn sum<const N: usize, const W: usize>(tile: &[f32], x: &[[f32; W]], start: &[f32], y: &mut [[f32; W]]) {
-    let (Some(start), Some(y)) = (start.first_chunk::<N>(), y.first_chunk_mut::<N>()) else { return };
-    let mut sums: [[f32; W]; N] = start.map(|start| [start; W]);
-    for (weights, x) in tile.as_chunks::<N>().0.iter().zip(x) {
+fn sum<const W: usize>(
+    matrix: &[[f32; TILE]],
+    start: &[f32; TILE],
+    x: &[[f32; W]],
+    y: &mut [[f32; W]; TILE],
+) {
+    let mut sums: [[f32; W]; TILE] = start.map(|start| [start; W]);
+    for (weights, x) in matrix.iter().zip(x) {
         sums = std::array::from_fn(|o| std::array::from_fn(|lane| sums[o][lane] + weights[o] * x[lane]));
     }
-    for o in 0..N {
+    for o in 0..TILE {
         for lane in 0..W {
             y[o][lane] = sums[o][lane];
         }
