@@ -45,8 +45,7 @@ impl Product {
     }
 }
 
-/// One tile. The sums are made anew in every step, by value: the compiler then keeps them in registers, where it
-/// leaves an array that is changed in place in memory.
+/// One tile. Every sum is a variable of its own: an array of them would be kept in memory, not in registers.
 #[inline(always)]
 fn sum<const W: usize>(
     matrix: &[[f32; TILE]],
@@ -54,13 +53,25 @@ fn sum<const W: usize>(
     x: &[[f32; W]],
     y: &mut [[f32; W]; TILE],
 ) {
-    let mut sums: [[f32; W]; TILE] = start.map(|start| [start; W]);
-    for (weights, x) in matrix.iter().zip(x) {
-        sums = std::array::from_fn(|o| std::array::from_fn(|lane| sums[o][lane] + weights[o] * x[lane]));
+    let [mut a, mut b, mut c, mut d, mut e] = start.map(|start| [start; W]);
+    for (w, x) in matrix.iter().zip(x) {
+        add(&mut a, w[0], x);
+        add(&mut b, w[1], x);
+        add(&mut c, w[2], x);
+        add(&mut d, w[3], x);
+        add(&mut e, w[4], x);
     }
-    for o in 0..TILE {
-        for lane in 0..W {
-            y[o][lane] = sums[o][lane];
-        }
+    y[0] = a;
+    y[1] = b;
+    y[2] = c;
+    y[3] = d;
+    y[4] = e;
+}
+
+/// `sum += weight x` for `W` points.
+#[inline(always)]
+fn add<const W: usize>(sum: &mut [f32; W], weight: f32, x: &[f32; W]) {
+    for lane in 0..W {
+        sum[lane] += weight * x[lane];
     }
 }
