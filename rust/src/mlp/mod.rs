@@ -88,6 +88,11 @@ impl Mlp {
         std::iter::once(self.inputs()).chain(outputs).collect()
     }
 
+    /// Multiplications of one pass with one point, a measure of how long it takes.
+    pub fn multiplications(&self) -> usize {
+        self.layers.iter().map(|layer| layer.weights.len()).sum()
+    }
+
     /// Layer `k` as (outputs, inputs, weights, biases), in the float32 in which it is computed.
     pub fn layer(&self, k: usize) -> (usize, usize, &[f32], &[f32]) {
         let layer = &self.layers[k];

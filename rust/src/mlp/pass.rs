@@ -153,9 +153,11 @@ fn jacobian<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], space: &mut
 #[inline(always)]
 fn load<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], block: &mut [[f32; W]]) {
     let inputs = mlp.inputs();
-    let last = x.len() - inputs;
+    let mut rows = [&x[x.len() - inputs..]; W];
+    for (row, x) in rows.iter_mut().zip(x.chunks_exact(inputs)) {
+        *row = x;
+    }
     // From row to line: the other way round compilers scatter, which is slow where it exists.
-    let rows: [&[X]; W] = std::array::from_fn(|lane| &x[last.min(lane * inputs)..][..inputs]);
     let scale = mlp.input.mean.iter().zip(&mlp.input_rates);
     for (i, (line, (mean, rate))) in block[..inputs].iter_mut().zip(scale).enumerate() {
         *line = rows.map(|row| ((row[i].into() - mean) * rate) as f32);
