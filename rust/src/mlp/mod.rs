@@ -237,6 +237,57 @@ mod tests {
     }
 
     #[test]
+    fn every_instruction_set_gives_the_same_bits_in_a_workspace_that_served_others() {
+        let mut state = 7_u64;
+        let mut draw = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / f64::from(1 << 24) - 0.5
+        };
+        let mut space = Workspace::default();
+        for sizes in [&[3, 2][..], &[1, 1], &[12, 25, 25, 2], &[2, 64, 3], &[7, 6, 5, 4, 11]] {
+            let mut vector = |n: usize| (0..n).map(|_| 2.0 * draw()).collect::<Vec<f64>>();
+            let layer = |s: &[usize]| Weights { outputs: s[1], inputs: s[0], values: vector(s[0] * s[1]) };
+            let weights = sizes.windows(2).map(layer).collect();
+            let biases = sizes[1..].iter().map(|&n| vector(n)).collect();
+            let (inputs, outputs) = (sizes[0], sizes[sizes.len() - 1]);
+            let mut scale = |n| Scale { mean: vector(n), std: vector(n).iter().map(|x| 1.1 + x).collect() };
+            let mlp = Mlp::new(weights, biases, scale(inputs), scale(outputs)).unwrap();
+            for rows in [1, 8, 9, 15, 16, 17, 50, 100] {
+                let single: Vec<f32> = vector(rows * inputs).iter().map(|&x| 3.0 * x as f32).collect();
+                let double: Vec<f64> = single.iter().map(|&x| x.into()).collect();
+                let [y, slopes] = [outputs, outputs * inputs].map(|n| vec![0.0_f32; rows * n]);
+                let mut run = |simd| {
+                    let (mut y, mut slopes) = (y.clone(), slopes.clone());
+                    mlp.forward_on(simd, &single, &mut space, &mut y).unwrap();
+                    mlp.jacobian_on(simd, &double, &mut space, &mut slopes).unwrap();
+                    let (mut again, mut slopes_again) = (y.clone(), slopes.clone());
+                    mlp.forward_on(simd, &double, &mut space, &mut again).unwrap();
+                    mlp.jacobian_on(simd, &single, &mut space, &mut slopes_again).unwrap();
+                    let bits: Vec<u32> = y.iter().chain(&slopes).map(|x| x.to_bits()).collect();
+                    assert!(again.iter().chain(&slopes_again).map(|x| x.to_bits()).eq(bits.iter().copied()));
+                    bits
+                };
+                let expected = run(Simd::all()[0]);
+                for simd in Simd::all() {
+                    assert_eq!(run(simd), expected, "{} {sizes:?} {rows}", simd.name());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_is_named_by_its_place() {
+        let (mlp, _) = network();
+        let (mut space, mut y) = (Workspace::default(), [0.0; 6]);
+        let error = mlp.forward(&[0.0, 1.0, f32::NAN, 2.0, 0.0, 0.0], &mut space, &mut y).unwrap_err();
+        assert_eq!(error.to_string(), "x must be finite, got NaN at x[1, 0]");
+        let error = mlp.forward(&[0.0, 0.0, 0.0, 0.0, 1e300, -1e300], &mut space, &mut y).unwrap_err();
+        assert_eq!(error.to_string(), "x has a row 2 for which the network overflows float32");
+        let error = mlp.forward(&[0.0; 6], &mut space, &mut y[..4]).unwrap_err();
+        assert_eq!(error.to_string(), "out must be of 6 elements, got 4");
+    }
+
+    #[test]
     fn layers_that_do_not_fit_are_named() {
         let matrix = |outputs, inputs| Weights { outputs, inputs, values: vec![0.0; outputs * inputs] };
         let scale = |n: usize| Scale { mean: vec![0.0; n], std: vec![1.0; n] };
