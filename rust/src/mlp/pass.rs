@@ -5,9 +5,9 @@ use crate::error::{Error, Result};
 use crate::math::tanh;
 use crate::simd::Kernel;
 
-/// Points that go through the network together, one in each vector lane.
+/// Points that go through the network together, one in each lane of a line.
 const LANES: usize = 16;
-/// The same where registers are few or short, and for a remainder that fits.
+/// The same for a remainder that fits into half the lanes.
 const NARROW: usize = 8;
 
 /// Buffers of a pass. They fit themselves to any network; keep one per thread, and calls allocate nothing.
@@ -15,7 +15,7 @@ const NARROW: usize = 8;
 pub struct Workspace(Vec<f32>);
 
 impl Workspace {
-    /// Lines of `W` points for each of the sizes, one after the other, from the start of a cache line.
+    /// That many lines of `W` points, from the start of a cache line on.
     #[inline(always)]
     fn lines<const W: usize>(&mut self, count: usize) -> &mut [[f32; W]] {
         const CACHE_LINE: usize = 64 / size_of::<f32>();
