@@ -6,7 +6,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use motorprime::gaussian::Gaussian;
 use motorprime::gibbs::Gibbs;
 use motorprime::kernel::{Kernel, Trajectory, Widths};
-use motorprime::mlp::{Mlp, Scale, Weights};
+use motorprime::mlp::{Mlp, Scale, Weights, Workspace};
 use motorprime::rng::{Xoshiro256PlusPlus, uniform};
 use motorprime::threshold::{Method, Wanted, threshold};
 use motorprime::{Shape, parallel};
@@ -124,16 +124,17 @@ fn network(c: &mut Criterion) {
     let scale = |n: usize| Scale { mean: vec![0.0; n], std: vec![1.0; n] };
     let mlp = Mlp::new(layers, biases, scale(12), scale(2)).unwrap();
     let inputs = vector(50 * 12);
+    let mut workspace = Workspace::default();
     let (mut out, mut jacobian) = (vec![0.0; 50 * 2], vec![0.0; 50 * 2 * 12]);
     c.bench_function("mlp/12-25-25-2, 50 points, 2 cameras", |b| {
         b.iter(|| {
             for _camera in 0..2 {
-                mlp.forward(black_box(&inputs), &mut out).unwrap();
+                mlp.forward(black_box(&inputs), &mut workspace, &mut out).unwrap();
             }
         });
     });
     c.bench_function("mlp/Jacobian of 12-25-25-2, 50 points", |b| {
-        b.iter(|| mlp.jacobian(black_box(&inputs), &mut jacobian));
+        b.iter(|| mlp.jacobian(black_box(&inputs), &mut workspace, &mut jacobian));
     });
 }
 

@@ -4,6 +4,8 @@ import copy
 import itertools
 import math
 import pickle
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -178,3 +180,90 @@ def test_an_output_beyond_float32_is_an_error():
     mlp = Mlp([[[3e38]]], [[0.0]], [0.0], [1.0], [0.0], [1.0])
     with pytest.raises(motorprime.errors.ArgumentError, match=r"x has a row 1 .* overflows float32"):
         mlp([[0.0], [1e9]])
+
+
+CALLS = [(Mlp.__call__, (5, 3)), (Mlp.jacobian, (5, 3, 4))]
+
+
+@pytest.mark.parametrize(("call", "shape"), CALLS)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_writes_to_the_array_it_is_given(call, shape, dtype):
+    mlp, arrays = network((4, 7, 3), 2)
+    x = batch(arrays, 5, 2).astype(dtype)
+    given = x.copy()
+    out = np.full(shape, np.nan, dtype=np.float32)
+    assert call(mlp, x, out=out) is out
+    np.testing.assert_array_equal(out, call(mlp, x))
+    np.testing.assert_array_equal(x, given)
+    assert call(mlp, x, out=None) is not out
+
+
+@pytest.mark.parametrize(("call", "shape"), CALLS)
+def test_an_output_that_does_not_fit_is_named(call, shape):
+    mlp, arrays = network((4, 7, 3), 2)
+    x = batch(arrays, 5, 2)
+    good = np.empty(shape, dtype=np.float32)
+    read_only = good.copy()
+    read_only.flags.writeable = False
+    doubled = np.empty((*shape[:-1], 2 * shape[-1]), dtype=np.float32)
+    wrong_values = [
+        (np.empty((6, *shape[1:]), dtype=np.float32), r"got \(6, "),
+        (np.empty(shape[1:], dtype=np.float32), "got "),
+        (good.ravel(), "got "),
+        (np.asfortranarray(good), "contiguous in C order"),
+        (doubled[..., ::2], "contiguous in C order"),
+        (read_only, "read-only"),
+    ]
+    for out, words in wrong_values:
+        expected = "out must be a writable C-contiguous float32 array of shape .*" + words
+        with pytest.raises(motorprime.errors.ArgumentError, match=expected):
+            call(mlp, x, out=out)
+    for out in (np.empty(shape), np.empty(shape, dtype=">f4"), good.tolist(), "text"):
+        with pytest.raises(motorprime.errors.ArgumentTypeError, match="out must be a writable"):
+            call(mlp, x, out=out)
+
+
+def test_an_output_over_the_input_is_an_error():
+    memory = np.zeros(40, dtype=np.float32)
+    mlp = broken()
+    x = memory[:12].reshape(6, 2)
+    with pytest.raises(motorprime.errors.ArgumentError, match="out overlaps an input"):
+        mlp(x, out=memory[11:17].reshape(6, 1))
+    with pytest.raises(motorprime.errors.ArgumentError, match="out overlaps an input"):
+        mlp.jacobian(x[::-1], out=memory[:12].reshape(6, 1, 2))
+    assert mlp(x, out=memory[12:18].reshape(6, 1)).shape == (6, 1)
+
+
+def test_one_bad_number_far_into_the_points_is_named():
+    x = np.zeros((100, 2), dtype=np.float32)
+    x[77, 1] = np.inf
+    out = np.full((100, 1), 7, dtype=np.float32)
+    with pytest.raises(motorprime.errors.ArgumentError, match=r"x must be finite, got inf at x\[77, 1\]"):
+        broken()(x, out=out)
+    assert (out == 7).all()
+
+
+def test_a_masked_array_is_an_error():
+    x = np.ma.masked_array(np.zeros((3, 2)), mask=True)
+    with pytest.raises(motorprime.errors.ArgumentTypeError, match="x must be an array without a mask"):
+        broken()(x)
+
+
+@pytest.mark.parametrize("rows", [3, 2000])
+def test_threads_share_a_network(rows):
+    mlp, arrays = network((12, 25, 25, 2), 0)
+    other, _ = network((12, 40, 2), 1)
+    batches = [batch(arrays, rows + k, k) for k in range(4)]
+    expected = [(net(x), net.jacobian(x)) for x in batches for net in (mlp, other)]
+    start = threading.Barrier(4)
+
+    def work(_):
+        start.wait()
+        for _ in range(5):
+            results = [(net(x), net.jacobian(x)) for x in batches for net in (mlp, other)]
+            for (y, slope), (right, right_slope) in zip(results, expected, strict=True):
+                np.testing.assert_array_equal(y, right)
+                np.testing.assert_array_equal(slope, right_slope)
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(work, range(4)))

@@ -78,8 +78,39 @@ class Mlp:
         output_mean: _Numbers,
         output_std: _Numbers,
     ) -> Mlp: ...
-    def __call__(self, x: _Rows) -> npt.NDArray[np.float32]: ...
-    def jacobian(self, x: _Rows) -> npt.NDArray[np.float32]: ...
+    def __call__(self, x: _Rows, /, *, out: npt.NDArray[np.float32] | None = None) -> npt.NDArray[np.float32]:
+        """Outputs of the network, ``net((x - input_mean) / input_std) * output_std + output_mean``.
+
+        Args:
+            x: (N, in) raw inputs, float32 or float64, in the units of ``input_mean``. Arrays in C order are
+                read in place.
+            out: (N, out) float32 in C order to write to, apart from ``x`` in memory; what it held when an
+                error is raised may be lost.
+
+        Returns:
+            (N, out) float32 in the units of ``output_mean``: ``out``, or a new array. Every row depends on
+            its own input only, and has the same bits on every instruction set.
+
+        Raises:
+            ArgumentError: a wrong shape, an input that is not finite, a row whose output overflows float32,
+                an ``out`` that is read-only, not in C order, or overlaps ``x``.
+            ArgumentTypeError: a wrong type or dtype.
+            StateError: another thread is writing to ``x``, or using ``out``.
+        """
+
+    def jacobian(self, x: _Rows, /, *, out: npt.NDArray[np.float32] | None = None) -> npt.NDArray[np.float32]:
+        """Derivatives of the raw outputs by the raw inputs.
+
+        Args:
+            x: (N, in) raw inputs, as for a call.
+            out: (N, out, in) float32 in C order to write to, as for a call.
+
+        Returns:
+            (N, out, in) float32, in units of the outputs per unit of the inputs: ``out``, or a new array.
+
+        Raises:
+            ArgumentError, ArgumentTypeError, StateError: as for a call.
+        """
     @property
     def sizes(self) -> tuple[int, ...]: ...
     def __getnewargs__(self) -> tuple[Any, ...]: ...

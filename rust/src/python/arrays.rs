@@ -5,10 +5,10 @@
 
 use std::ops::Range;
 
-use numpy::ndarray::Dimension;
+use numpy::ndarray::{Dimension, IntoDimension};
 use numpy::{
     Element, PyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArray2,
-    PyReadwriteArray2, PyUntypedArray, PyUntypedArrayMethods,
+    PyReadwriteArray, PyReadwriteArray2, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -178,7 +178,7 @@ pub fn image<'py>(argument: &'static str, object: &Bound<'py, PyAny>) -> PyResul
 }
 
 /// The array itself if it has this type and can be read as one slice in C order.
-fn borrowed<'py, T: Element>(
+pub fn borrowed<'py, T: Element>(
     argument: &'static str,
     object: &Bound<'py, PyAny>,
 ) -> PyResult<Option<PyReadonlyArray2<'py, T>>> {
@@ -198,24 +198,33 @@ pub fn output<'py>(
     inputs: &[&Bound<'py, PyAny>],
     py: Python<'py>,
 ) -> PyResult<PyReadwriteArray2<'py, f32>> {
-    let Some(out) = out else {
-        return empty(py, [shape.height(), shape.width()]);
-    };
+    match out {
+        None => empty(py, [shape.height(), shape.width()]),
+        Some(out) => writable(argument, out, &[shape.height(), shape.width()], inputs),
+    }
+}
+
+/// Borrows the caller's array to write to: float32, of this shape, and apart from the inputs in memory.
+pub fn writable<'py, D: Dimension>(
+    argument: impl Into<Argument>,
+    out: &Bound<'py, PyAny>,
+    shape: &[usize],
+    inputs: &[&Bound<'py, PyAny>],
+) -> PyResult<PyReadwriteArray<'py, f32, D>> {
     let argument = argument.into();
-    let (height, width) = (shape.height(), shape.width());
-    let expected = format!("a writable C-contiguous float32 array of shape ({height}, {width})");
+    let expected = || format!("a writable C-contiguous float32 array of shape {}", format_shape(shape));
     let wrong =
-        |found: &str| -> PyErr { Error::shape(argument.clone(), expected.clone(), found.to_owned()).into() };
+        |found: &str| -> PyErr { Error::shape(argument.clone(), expected(), found.to_owned()).into() };
     let Ok(untyped) = out.cast::<PyUntypedArray>() else {
-        return Err(wrong_type(argument, expected, out));
+        return Err(wrong_type(argument.clone(), expected(), out));
     };
-    let Ok(array) = out.cast::<PyArray2<f32>>() else {
-        if untyped.dtype().is_equiv_to(&numpy::dtype::<f32>(py)) {
+    let Ok(array) = out.cast::<PyArray<f32, D>>() else {
+        if untyped.dtype().is_equiv_to(&numpy::dtype::<f32>(out.py())) {
             return Err(wrong(&format_shape(untyped.shape())));
         }
-        return Err(wrong_type(argument, expected, out));
+        return Err(wrong_type(argument.clone(), expected(), out));
     };
-    if array.shape() != [height, width] {
+    if array.shape() != shape {
         return Err(wrong(&format_shape(array.shape())));
     }
     if !(array.is_c_contiguous() && array.is_aligned()) {
@@ -224,13 +233,13 @@ pub fn output<'py>(
     let memory = extent(array);
     for input in inputs {
         if overlaps(out, &memory, input)? {
-            return Err(Error::conflict(argument, "overlaps an input in memory").into());
+            return Err(Error::conflict(argument.clone(), "overlaps an input in memory").into());
         }
     }
     match array.try_readwrite() {
         Ok(array) => Ok(array),
         Err(numpy::BorrowError::NotWriteable) => Err(wrong("one that is read-only")),
-        Err(_) => Err(busy(argument)),
+        Err(_) => Err(busy(argument.clone())),
     }
 }
 
@@ -261,6 +270,19 @@ fn extent<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> Range<u
         if stride < 0 { first -= reach } else { last += reach }
     }
     first..last + size_of::<T>()
+}
+
+/// A new float32 array of any rank. Small ones take the short way to NumPy, which has no `MemoryError`.
+pub fn created<'py, I: IntoDimension>(
+    py: Python<'py>,
+    shape: I,
+) -> PyResult<Bound<'py, PyArray<f32, I::Dim>>> {
+    const SMALL: usize = 1 << 14;
+    let shape = shape.into_dimension();
+    if shape.size_checked().is_some_and(|size| size <= SMALL) {
+        return Ok(PyArray::zeros(py, shape, false));
+    }
+    Ok(numpy_empty::<f32>(py, PyTuple::new(py, shape.slice())?)?.cast_into()?)
 }
 
 /// A new array. NumPy allocates it, so that a lack of memory is Python's `MemoryError`.

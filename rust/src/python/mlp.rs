@@ -1,17 +1,45 @@
 //! Binding of the small network.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use std::cell::Cell;
+
+use numpy::ndarray::{Dimension, IntoDimension};
+use numpy::{
+    PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
-use super::arrays::{Numbers, empty, list, numbers, release, vector_array};
+use super::arrays::{Numbers, borrowed, created, list, numbers, vector_array, writable};
 use super::errors::{format_shape, wrong_type};
-use crate::error::Error;
-use crate::mlp::{self as kernel, Scale, Weights};
+use crate::error::{Error, Result};
+use crate::mlp::{self as kernel, Scale, Weights, Workspace};
 
 /// A small feed-forward network with tanh layers and a linear last one.
 #[pyclass(frozen, module = "motorprime._core")]
 pub struct Mlp(kernel::Mlp);
+
+thread_local! {
+    /// Taken for a call and put back after it: a call inside the call finds an empty one and makes its own.
+    static WORKSPACE: Cell<Workspace> = Cell::default();
+}
+
+/// Multiplications below which to hand the interpreter to other threads costs more than it gives them.
+const SHORT: usize = 1 << 18;
+
+/// Points as they came, read in place where they can be.
+enum Points<'py> {
+    Single(PyReadonlyArray2<'py, f32>),
+    Double(PyReadonlyArray2<'py, f64>),
+    Copied(Vec<f64>),
+}
+
+/// What the kernels read.
+#[derive(Clone, Copy)]
+enum Values<'a> {
+    Single(&'a [f32]),
+    Double(&'a [f64]),
+}
 
 #[pymethods]
 impl Mlp {
@@ -43,25 +71,35 @@ impl Mlp {
         Ok(Self(kernel::Mlp::new(matrices, vectors, input, output)?))
     }
 
-    fn __call__<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let (x, rows) = self.inputs(x)?;
-        let mut out = empty::<f32>(py, [rows, self.0.outputs()])?;
-        let values = out.as_slice_mut()?;
-        py.detach(|| self.0.forward(&x, values))?;
-        Ok(release(out))
+    #[pyo3(signature = (x, /, *, out=None))]
+    fn __call__<'py>(
+        &self,
+        x: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let (points, rows) = self.points(x)?;
+        let values = points.values()?;
+        let work = rows.saturating_mul(self.0.multiplications());
+        filled(x, out, [rows, self.0.outputs()], work, |space, out| match values {
+            Values::Single(x) => self.0.forward(x, space, out),
+            Values::Double(x) => self.0.forward(x, space, out),
+        })
     }
 
+    #[pyo3(signature = (x, /, *, out=None))]
     fn jacobian<'py>(
         &self,
-        py: Python<'py>,
         x: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, numpy::PyArray3<f32>>> {
-        let (x, rows) = self.inputs(x)?;
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let (points, rows) = self.points(x)?;
+        let values = points.values()?;
         let (inputs, outputs) = (self.0.inputs(), self.0.outputs());
-        let mut out = empty::<f32>(py, [rows, outputs * inputs])?;
-        let values = out.as_slice_mut()?;
-        py.detach(|| self.0.jacobian(&x, values))?;
-        release(out).reshape([rows, outputs, inputs])
+        let work = rows.saturating_mul(self.0.multiplications()).saturating_mul(1 + outputs);
+        filled(x, out, [rows, outputs, inputs], work, |space, out| match values {
+            Values::Single(x) => self.0.jacobian(x, space, out),
+            Values::Double(x) => self.0.jacobian(x, space, out),
+        })
     }
 
     /// Units of every layer, inputs first and outputs last.
@@ -97,16 +135,64 @@ impl Mlp {
 }
 
 impl Mlp {
-    fn inputs(&self, x: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, usize)> {
+    /// The points and how many they are.
+    fn points<'py>(&self, x: &Bound<'py, PyAny>) -> PyResult<(Points<'py>, usize)> {
+        // A subclass of the array may hide something, a mask for example: `numbers` looks at it.
+        if x.is_exact_instance_of::<PyUntypedArray>() {
+            if let Some(array) = borrowed::<f64>("x", x)? {
+                let rows = self.rows(array.shape())?;
+                return Ok((Points::Double(array), rows));
+            }
+            if let Some(array) = borrowed::<f32>("x", x)? {
+                let rows = self.rows(array.shape())?;
+                return Ok((Points::Single(array), rows));
+            }
+        }
         let Numbers { values, shape } = numbers("x", x)?;
-        match shape[..] {
-            [rows, columns] if columns == self.0.inputs() => Ok((values, rows)),
+        Ok((Points::Copied(values), self.rows(&shape)?))
+    }
+
+    fn rows(&self, shape: &[usize]) -> PyResult<usize> {
+        match *shape {
+            [rows, columns] if columns == self.0.inputs() => Ok(rows),
             _ => {
                 let expected = format!("(N, {})", self.0.inputs());
-                Err(Error::shape("x", expected, format_shape(&shape)).into())
+                Err(Error::shape("x", expected, format_shape(shape)).into())
             }
         }
     }
+}
+
+impl Points<'_> {
+    fn values(&self) -> PyResult<Values<'_>> {
+        Ok(match self {
+            Self::Single(array) => Values::Single(array.as_slice()?),
+            Self::Double(array) => Values::Double(array.as_slice()?),
+            Self::Copied(values) => Values::Double(values),
+        })
+    }
+}
+
+/// The caller's array or a new one, filled by the kernel; `work` is how many multiplications that takes.
+fn filled<'py, I: IntoDimension>(
+    x: &Bound<'py, PyAny>,
+    out: Option<&Bound<'py, PyAny>>,
+    shape: I,
+    work: usize,
+    kernel: impl FnOnce(&mut Workspace, &mut [f32]) -> Result<()> + Send,
+) -> PyResult<Bound<'py, PyArray<f32, I::Dim>>> {
+    let shape = shape.into_dimension();
+    let mut out = match out {
+        Some(out) => writable::<I::Dim>("out", out, shape.slice(), &[x])?,
+        None => created(x.py(), shape)?.try_readwrite()?,
+    };
+    let values = out.as_slice_mut()?;
+    let mut space = WORKSPACE.take();
+    let result =
+        if work < SHORT { kernel(&mut space, values) } else { x.py().detach(|| kernel(&mut space, values)) };
+    WORKSPACE.set(space);
+    result?;
+    Ok((**out).clone())
 }
 
 fn layers<'py>(argument: &'static str, object: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
