@@ -2,6 +2,7 @@
 
 mod bisect;
 mod check;
+mod pack;
 mod pixel;
 mod quicksort;
 mod select;
@@ -113,7 +114,7 @@ pub fn threshold_on<T: Pixel>(
     };
     let rank = wanted.min(pixels.len());
     let Found { key, doubt } = match method {
-        Method::Select => simd.run(Largest { pixels, width, rank, sample, inside }),
+        Method::Select => pack::run(simd, Largest { pixels, width, rank, sample, inside }),
         Method::Quicksort => sorted(pixels, rank, inside),
     };
     if doubt {

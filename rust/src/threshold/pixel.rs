@@ -3,6 +3,7 @@
 use std::fmt::Debug;
 use std::ops::{AddAssign, BitOrAssign};
 
+use super::pack::{CHUNK, Pack};
 use super::{Buffers, Workspace};
 
 /// The bits of a pixel, read as a signed integer. Those of numbers >= 0 order like the numbers themselves.
@@ -33,6 +34,9 @@ pub trait Pixel: Copy + PartialOrd + Debug + Default + Into<f64> + Send + Sync {
     fn from_key(key: Self::Key) -> Self;
     /// Its buffers in a workspace.
     fn buffers(workspace: &mut Workspace) -> &mut Buffers<Self>;
+    /// Moves the pixels strictly between two keys to the front, see [`Pack`].
+    #[doc(hidden)]
+    fn pack<P: Pack>(pack: P, chunk: &[Self; CHUNK], bounds: [Self::Key; 2], out: &mut [Self; CHUNK]) -> usize;
     /// Whether the pixel is finite and not negative.
     fn valid(self) -> bool;
 }
@@ -75,6 +79,10 @@ macro_rules! pixel {
             }
             fn buffers(workspace: &mut Workspace) -> &mut Buffers<Self> {
                 &mut workspace.$buffers
+            }
+            #[inline(always)]
+            fn pack<P: Pack>(pack: P, chunk: &[Self; CHUNK], bounds: [$key; 2], out: &mut [Self; CHUNK]) -> usize {
+                pack.$buffers(chunk, bounds, out)
             }
             #[inline(always)]
             fn valid(self) -> bool {

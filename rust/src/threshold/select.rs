@@ -2,7 +2,7 @@
 
 use super::bisect::{bisect, count};
 use super::pixel::{Key, Pixel};
-use crate::simd::Kernel;
+use super::pack::{CHUNK, Gathering, Pack};
 
 /// Up to this many pixels are bisected at once.
 pub const SMALL: usize = 1024;
@@ -27,11 +27,11 @@ pub struct Found<K> {
     pub doubt: bool,
 }
 
-impl<T: Pixel> Kernel for Largest<'_, T> {
+impl<T: Pixel> Gathering for Largest<'_, T> {
     type Output = Found<T::Key>;
 
     #[inline(always)]
-    fn run(self) -> Self::Output {
+    fn run<P: Pack>(self, pack: P) -> Self::Output {
         let Self { pixels, width, rank, sample, inside } = self;
         if pixels.len() <= SMALL {
             let (key, [least, largest]) = bisect(pixels, rank);
@@ -39,7 +39,7 @@ impl<T: Pixel> Kernel for Largest<'_, T> {
         }
         let [low, high] = bracket(pixels, width, rank, sample);
         inside.resize(pixels.len() + CHUNK, T::default());
-        let Gathered { from_high, inside: len, doubt } = gather(pixels, low, high, inside);
+        let Gathered { from_high, inside: len, doubt } = gather(pack, pixels, [low, high], inside);
         let doubt = doubt < T::Key::default();
 
         // The bracket is open, so that a value which many pixels share is never gathered if a sample met it.
@@ -106,12 +106,18 @@ struct Gathered<K> {
     doubt: K,
 }
 
-const CHUNK: usize = 16;
+/// Pixels that are checked and counted before they are gathered, while they are in the innermost cache.
 const BLOCK: usize = 1024;
 
-/// Counts, checks and gathers.
+/// Checks all pixels, counts those from the upper bound and gathers those strictly between the bounds.
 #[inline(always)]
-fn gather<T: Pixel>(pixels: &[T], low: T::Key, high: T::Key, inside: &mut [T]) -> Gathered<T::Key> {
+fn gather<T: Pixel, P: Pack>(
+    pack: P,
+    pixels: &[T],
+    bounds: [T::Key; 2],
+    inside: &mut [T],
+) -> Gathered<T::Key> {
+    let [low, high] = bounds;
     let mut gathered = Gathered { from_high: 0, inside: 0, doubt: T::Key::default() };
     for block in pixels.chunks(BLOCK) {
         let (mut doubt, mut from_high) = (T::Key::default(), T::Key::default());
@@ -123,27 +129,14 @@ fn gather<T: Pixel>(pixels: &[T], low: T::Key, high: T::Key, inside: &mut [T]) -
         gathered.from_high += from_high.count();
         let (chunks, rest) = block.as_chunks::<CHUNK>();
         for chunk in chunks {
-            let mut any = false;
-            for pixel in chunk {
-                any |= pixel.key() > low && pixel.key() < high;
-            }
-            if any {
-                append(chunk, low, high, inside, &mut gathered.inside);
+            if let Some(out) = inside[gathered.inside..].first_chunk_mut() {
+                gathered.inside += T::pack(pack, chunk, bounds, out);
             }
         }
-        append(rest, low, high, inside, &mut gathered.inside);
+        for &pixel in rest {
+            inside[gathered.inside] = pixel;
+            gathered.inside += usize::from((pixel.key() > low) & (pixel.key() < high));
+        }
     }
     gathered
-}
-
-#[inline(always)]
-fn append<T: Pixel>(chunk: &[T], low: T::Key, high: T::Key, inside: &mut [T], len: &mut usize) {
-    if let Some(out) = inside[*len..].first_chunk_mut::<CHUNK>() {
-        let mut kept = 0;
-        for &pixel in chunk {
-            out[kept % CHUNK] = pixel;
-            kept += usize::from((pixel.key() > low) & (pixel.key() < high));
-        }
-        *len += kept;
-    }
 }

@@ -1,0 +1,163 @@
+//! Gathering of the pixels between two bounds: the one step that no plain loop compiles well to.
+
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::{V3, V4};
+use pulp::{Arch, WithSimd, cast};
+
+use super::pixel::{Key, Pixel};
+use crate::simd::Simd;
+
+/// Pixels that are gathered at once.
+pub const CHUNK: usize = 16;
+
+/// Moves the pixels of a chunk whose keys lie strictly between two bounds to the front of `out`, in their
+/// order, and returns their number. What it writes behind them has no meaning.
+pub trait Pack: Copy {
+    fn single(self, chunk: &[f32; CHUNK], bounds: [i32; 2], out: &mut [f32; CHUNK]) -> usize;
+    fn double(self, chunk: &[f64; CHUNK], bounds: [i64; 2], out: &mut [f64; CHUNK]) -> usize;
+}
+
+/// Work that gathers. Mark the implementation of `run` `#[inline(always)]`.
+pub trait Gathering {
+    type Output;
+    fn run<P: Pack>(self, pack: P) -> Self::Output;
+}
+
+/// Runs the work on an instruction set.
+pub fn run<G: Gathering>(simd: Simd, work: G) -> G::Output {
+    struct Op<G, P>(G, P);
+    impl<G: Gathering, P: Pack> WithSimd for Op<G, P> {
+        type Output = G::Output;
+        #[inline(always)]
+        fn with_simd<S: pulp::Simd>(self, _: S) -> G::Output {
+            self.0.run(self.1)
+        }
+    }
+    match simd.arch() {
+        #[cfg(target_arch = "x86_64")]
+        Arch::V3(v3) => pulp::Simd::vectorize(v3, Op(work, v3)),
+        #[cfg(target_arch = "x86_64")]
+        Arch::V4(v4) => pulp::Simd::vectorize(v4, Op(work, v4)),
+        arch => arch.dispatch(Op(work, Plain)),
+    }
+}
+
+/// Without such instructions: every pixel is written and only those between the bounds are kept, which leaves
+/// no branch to miss.
+#[derive(Clone, Copy)]
+pub struct Plain;
+
+impl Pack for Plain {
+    #[inline(always)]
+    fn single(self, chunk: &[f32; CHUNK], bounds: [i32; 2], out: &mut [f32; CHUNK]) -> usize {
+        plain(chunk, bounds, out)
+    }
+    #[inline(always)]
+    fn double(self, chunk: &[f64; CHUNK], bounds: [i64; 2], out: &mut [f64; CHUNK]) -> usize {
+        plain(chunk, bounds, out)
+    }
+}
+
+#[inline(always)]
+fn plain<T: Pixel>(chunk: &[T; CHUNK], [low, high]: [T::Key; 2], out: &mut [T; CHUNK]) -> usize {
+    // Most chunks of a smooth landscape hold none, and this loop is a few vector instructions.
+    let mut any = T::Key::default();
+    for pixel in chunk {
+        any |= T::Key::from((pixel.key() > low) & (pixel.key() < high));
+    }
+    if any == T::Key::default() {
+        return 0;
+    }
+    let mut kept = 0;
+    for &pixel in chunk {
+        out[kept % CHUNK] = pixel;
+        kept += usize::from((pixel.key() > low) & (pixel.key() < high));
+    }
+    kept
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Pack for V4 {
+    #[inline(always)]
+    fn single(self, chunk: &[f32; CHUNK], [low, high]: [i32; 2], out: &mut [f32; CHUNK]) -> usize {
+        let f = self.avx512f;
+        let keys = cast(*chunk);
+        let above = f._mm512_cmpgt_epi32_mask(keys, f._mm512_set1_epi32(low));
+        let inside = f._mm512_mask_cmplt_epi32_mask(above, keys, f._mm512_set1_epi32(high));
+        *out = cast(f._mm512_maskz_compress_epi32(inside, keys));
+        inside.count_ones() as usize
+    }
+    #[inline(always)]
+    fn double(self, chunk: &[f64; CHUNK], [low, high]: [i64; 2], out: &mut [f64; CHUNK]) -> usize {
+        const LANES: usize = 8;
+        let f = self.avx512f;
+        let mut kept = 0;
+        for half in chunk.as_chunks::<LANES>().0 {
+            let keys = cast(*half);
+            let above = f._mm512_cmpgt_epi64_mask(keys, f._mm512_set1_epi64(low));
+            let inside = f._mm512_mask_cmplt_epi64_mask(above, keys, f._mm512_set1_epi64(high));
+            let packed: [f64; LANES] = cast(f._mm512_maskz_compress_epi64(inside, keys));
+            out[kept..][..LANES].copy_from_slice(&packed);
+            kept += inside.count_ones() as usize;
+        }
+        kept
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Pack for V3 {
+    #[inline(always)]
+    fn single(self, chunk: &[f32; CHUNK], [low, high]: [i32; 2], out: &mut [f32; CHUNK]) -> usize {
+        const LANES: usize = 8;
+        static FRONT: [[u32; 8]; 1 << LANES] = front(1);
+        let (f, g) = (self.avx, self.avx2);
+        let mut kept = 0;
+        for half in chunk.as_chunks::<LANES>().0 {
+            let keys = cast(*half);
+            let above = g._mm256_cmpgt_epi32(keys, f._mm256_set1_epi32(low));
+            let below = g._mm256_cmpgt_epi32(f._mm256_set1_epi32(high), keys);
+            let inside = f._mm256_movemask_ps(cast(g._mm256_and_si256(above, below))) as u8;
+            let order = cast(FRONT[usize::from(inside)]);
+            let packed: [f32; LANES] = cast(g._mm256_permutevar8x32_epi32(keys, order));
+            out[kept..][..LANES].copy_from_slice(&packed);
+            kept += inside.count_ones() as usize;
+        }
+        kept
+    }
+    #[inline(always)]
+    fn double(self, chunk: &[f64; CHUNK], [low, high]: [i64; 2], out: &mut [f64; CHUNK]) -> usize {
+        const LANES: usize = 4;
+        static FRONT: [[u32; 8]; 1 << LANES] = front(2);
+        let (f, g) = (self.avx, self.avx2);
+        let mut kept = 0;
+        for quarter in chunk.as_chunks::<LANES>().0 {
+            let keys = cast(*quarter);
+            let above = g._mm256_cmpgt_epi64(keys, f._mm256_set1_epi64x(low));
+            let below = g._mm256_cmpgt_epi64(f._mm256_set1_epi64x(high), keys);
+            let inside = f._mm256_movemask_pd(cast(g._mm256_and_si256(above, below))) as usize % FRONT.len();
+            let packed: [f64; LANES] = cast(g._mm256_permutevar8x32_epi32(keys, cast(FRONT[inside])));
+            out[kept..][..LANES].copy_from_slice(&packed);
+            kept += inside.count_ones() as usize;
+        }
+        kept
+    }
+}
+
+/// For every set of lanes the order that brings its lanes to the front, in words of which a lane has `words`.
+#[cfg(target_arch = "x86_64")]
+const fn front<const SETS: usize>(words: usize) -> [[u32; 8]; SETS] {
+    let mut orders = [[0; 8]; SETS];
+    let mut set = 0;
+    while set < SETS {
+        let (mut word, mut kept) = (0, 0);
+        while word < 8 {
+            if set >> (word / words) & 1 == 1 {
+                orders[set][kept] = word as u32;
+                kept += 1;
+            }
+            word += 1;
+        }
+        set += 1;
+    }
+    orders
+}
