@@ -54,4 +54,3 @@ pub fn threshold(
     WORKSPACE.set(workspace);
     Ok(result?)
 }
-

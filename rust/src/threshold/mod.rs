@@ -65,6 +65,7 @@ pub struct Buffers<T> {
     read: Vec<T>,
     sample: Vec<T>,
     inside: Vec<T>,
+    spare: Vec<T>,
 }
 
 /// The largest `d` such that at least the wanted number of pixels are `>= d`.
@@ -105,7 +106,7 @@ pub fn threshold_on<T: Pixel>(
     }
     let width = shape.width().div_ceil(stride);
     let wanted = wanted.of(shape.height().div_ceil(stride) * width, stride)?;
-    let Buffers { read, sample, inside } = T::buffers(workspace);
+    let Buffers { read, sample, inside, spare } = T::buffers(workspace);
     let pixels = if stride == 1 {
         landscape
     } else {
@@ -114,7 +115,7 @@ pub fn threshold_on<T: Pixel>(
     };
     let rank = wanted.min(pixels.len());
     let Found { key, doubt } = match method {
-        Method::Select => pack::run(simd, Largest { pixels, width, rank, sample, inside }),
+        Method::Select => pack::run(simd, Largest { pixels, width, rank, sample, inside, spare }),
         Method::Quicksort => sorted(pixels, rank, inside),
     };
     if doubt {
@@ -145,9 +146,13 @@ impl<T: Pixel> Kernel for Subsample<'_, T> {
 
     #[inline(always)]
     fn run(self) {
-        self.out.clear();
-        for row in self.landscape.chunks_exact(self.width).step_by(self.stride) {
-            self.out.extend(row.iter().step_by(self.stride));
+        let width = self.width.div_ceil(self.stride);
+        self.out.resize(width * (self.landscape.len() / self.width).div_ceil(self.stride), T::default());
+        let rows = self.landscape.chunks_exact(self.width).step_by(self.stride);
+        for (row, out) in rows.zip(self.out.chunks_exact_mut(width)) {
+            for (out, pixels) in out.iter_mut().zip(row.chunks(self.stride)) {
+                *out = pixels[0];
+            }
         }
     }
 }

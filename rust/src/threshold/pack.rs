@@ -11,10 +11,18 @@ use crate::simd::Simd;
 pub const CHUNK: usize = 16;
 
 /// Moves the pixels of a chunk whose keys lie strictly between two bounds to the front of `out`, in their
-/// order, and returns their number. What it writes behind them has no meaning.
+/// order. What it writes behind them has no meaning.
 pub trait Pack: Copy {
-    fn single(self, chunk: &[f32; CHUNK], bounds: [i32; 2], out: &mut [f32; CHUNK]) -> usize;
-    fn double(self, chunk: &[f64; CHUNK], bounds: [i64; 2], out: &mut [f64; CHUNK]) -> usize;
+    fn single(self, chunk: &[f32; CHUNK], bounds: [i32; 2], out: &mut [f32; CHUNK]) -> Packed;
+    fn double(self, chunk: &[f64; CHUNK], bounds: [i64; 2], out: &mut [f64; CHUNK]) -> Packed;
+}
+
+/// How many pixels of a chunk lie where.
+pub struct Packed {
+    /// Strictly between the bounds.
+    pub inside: usize,
+    /// Strictly below the upper bound.
+    pub below: usize,
 }
 
 /// Work that gathers. Mark the implementation of `run` `#[inline(always)]`.
@@ -49,97 +57,102 @@ pub struct Plain;
 
 impl Pack for Plain {
     #[inline(always)]
-    fn single(self, chunk: &[f32; CHUNK], bounds: [i32; 2], out: &mut [f32; CHUNK]) -> usize {
+    fn single(self, chunk: &[f32; CHUNK], bounds: [i32; 2], out: &mut [f32; CHUNK]) -> Packed {
         plain(chunk, bounds, out)
     }
     #[inline(always)]
-    fn double(self, chunk: &[f64; CHUNK], bounds: [i64; 2], out: &mut [f64; CHUNK]) -> usize {
+    fn double(self, chunk: &[f64; CHUNK], bounds: [i64; 2], out: &mut [f64; CHUNK]) -> Packed {
         plain(chunk, bounds, out)
     }
 }
 
 #[inline(always)]
-fn plain<T: Pixel>(chunk: &[T; CHUNK], [low, high]: [T::Key; 2], out: &mut [T; CHUNK]) -> usize {
+fn plain<T: Pixel>(chunk: &[T; CHUNK], [low, high]: [T::Key; 2], out: &mut [T; CHUNK]) -> Packed {
     // Most chunks of a smooth landscape hold none, and this loop is a few vector instructions.
-    let mut any = T::Key::default();
+    let (mut below, mut any) = (T::Key::default(), T::Key::default());
     for pixel in chunk {
+        below += T::Key::from(pixel.key() < high);
         any |= T::Key::from((pixel.key() > low) & (pixel.key() < high));
     }
-    if any == T::Key::default() {
-        return 0;
+    let mut inside = 0;
+    if any != T::Key::default() {
+        for &pixel in chunk {
+            out[inside % CHUNK] = pixel;
+            inside += usize::from((pixel.key() > low) & (pixel.key() < high));
+        }
     }
-    let mut kept = 0;
-    for &pixel in chunk {
-        out[kept % CHUNK] = pixel;
-        kept += usize::from((pixel.key() > low) & (pixel.key() < high));
-    }
-    kept
+    Packed { inside, below: below.count() }
 }
 
 #[cfg(target_arch = "x86_64")]
 impl Pack for V4 {
     #[inline(always)]
-    fn single(self, chunk: &[f32; CHUNK], [low, high]: [i32; 2], out: &mut [f32; CHUNK]) -> usize {
+    fn single(self, chunk: &[f32; CHUNK], [low, high]: [i32; 2], out: &mut [f32; CHUNK]) -> Packed {
         let f = self.avx512f;
         let keys = cast(*chunk);
-        let above = f._mm512_cmpgt_epi32_mask(keys, f._mm512_set1_epi32(low));
-        let inside = f._mm512_mask_cmplt_epi32_mask(above, keys, f._mm512_set1_epi32(high));
+        let below = f._mm512_cmplt_epi32_mask(keys, f._mm512_set1_epi32(high));
+        let inside = f._mm512_mask_cmpgt_epi32_mask(below, keys, f._mm512_set1_epi32(low));
         *out = cast(f._mm512_maskz_compress_epi32(inside, keys));
-        inside.count_ones() as usize
+        Packed { inside: inside.count_ones() as usize, below: below.count_ones() as usize }
     }
     #[inline(always)]
-    fn double(self, chunk: &[f64; CHUNK], [low, high]: [i64; 2], out: &mut [f64; CHUNK]) -> usize {
+    fn double(self, chunk: &[f64; CHUNK], [low, high]: [i64; 2], out: &mut [f64; CHUNK]) -> Packed {
         const LANES: usize = 8;
         let f = self.avx512f;
-        let mut kept = 0;
+        let mut packed = Packed { inside: 0, below: 0 };
         for half in chunk.as_chunks::<LANES>().0 {
             let keys = cast(*half);
-            let above = f._mm512_cmpgt_epi64_mask(keys, f._mm512_set1_epi64(low));
-            let inside = f._mm512_mask_cmplt_epi64_mask(above, keys, f._mm512_set1_epi64(high));
-            let packed: [f64; LANES] = cast(f._mm512_maskz_compress_epi64(inside, keys));
-            out[kept..][..LANES].copy_from_slice(&packed);
-            kept += inside.count_ones() as usize;
+            let below = f._mm512_cmplt_epi64_mask(keys, f._mm512_set1_epi64(high));
+            let inside = f._mm512_mask_cmpgt_epi64_mask(below, keys, f._mm512_set1_epi64(low));
+            let front: [f64; LANES] = cast(f._mm512_maskz_compress_epi64(inside, keys));
+            out[packed.inside..][..LANES].copy_from_slice(&front);
+            packed.inside += inside.count_ones() as usize;
+            packed.below += below.count_ones() as usize;
         }
-        kept
+        packed
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 impl Pack for V3 {
     #[inline(always)]
-    fn single(self, chunk: &[f32; CHUNK], [low, high]: [i32; 2], out: &mut [f32; CHUNK]) -> usize {
+    fn single(self, chunk: &[f32; CHUNK], [low, high]: [i32; 2], out: &mut [f32; CHUNK]) -> Packed {
         const LANES: usize = 8;
         static FRONT: [[u32; 8]; 1 << LANES] = front(1);
         let (f, g) = (self.avx, self.avx2);
-        let mut kept = 0;
+        let mut packed = Packed { inside: 0, below: 0 };
         for half in chunk.as_chunks::<LANES>().0 {
             let keys = cast(*half);
             let above = g._mm256_cmpgt_epi32(keys, f._mm256_set1_epi32(low));
             let below = g._mm256_cmpgt_epi32(f._mm256_set1_epi32(high), keys);
             let inside = f._mm256_movemask_ps(cast(g._mm256_and_si256(above, below))) as u8;
+            let below = f._mm256_movemask_ps(cast(below));
             let order = cast(FRONT[usize::from(inside)]);
-            let packed: [f32; LANES] = cast(g._mm256_permutevar8x32_epi32(keys, order));
-            out[kept..][..LANES].copy_from_slice(&packed);
-            kept += inside.count_ones() as usize;
+            let front: [f32; LANES] = cast(g._mm256_permutevar8x32_epi32(keys, order));
+            out[packed.inside..][..LANES].copy_from_slice(&front);
+            packed.inside += inside.count_ones() as usize;
+            packed.below += below.count_ones() as usize;
         }
-        kept
+        packed
     }
     #[inline(always)]
-    fn double(self, chunk: &[f64; CHUNK], [low, high]: [i64; 2], out: &mut [f64; CHUNK]) -> usize {
+    fn double(self, chunk: &[f64; CHUNK], [low, high]: [i64; 2], out: &mut [f64; CHUNK]) -> Packed {
         const LANES: usize = 4;
         static FRONT: [[u32; 8]; 1 << LANES] = front(2);
         let (f, g) = (self.avx, self.avx2);
-        let mut kept = 0;
+        let mut packed = Packed { inside: 0, below: 0 };
         for quarter in chunk.as_chunks::<LANES>().0 {
             let keys = cast(*quarter);
             let above = g._mm256_cmpgt_epi64(keys, f._mm256_set1_epi64x(low));
             let below = g._mm256_cmpgt_epi64(f._mm256_set1_epi64x(high), keys);
             let inside = f._mm256_movemask_pd(cast(g._mm256_and_si256(above, below))) as usize % FRONT.len();
-            let packed: [f64; LANES] = cast(g._mm256_permutevar8x32_epi32(keys, cast(FRONT[inside])));
-            out[kept..][..LANES].copy_from_slice(&packed);
-            kept += inside.count_ones() as usize;
+            let below = f._mm256_movemask_pd(cast(below));
+            let front: [f64; LANES] = cast(g._mm256_permutevar8x32_epi32(keys, cast(FRONT[inside])));
+            out[packed.inside..][..LANES].copy_from_slice(&front);
+            packed.inside += inside.count_ones() as usize;
+            packed.below += below.count_ones() as usize;
         }
-        kept
+        packed
     }
 }
 

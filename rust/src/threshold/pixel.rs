@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::ops::{AddAssign, BitOrAssign};
 
-use super::pack::{CHUNK, Pack};
+use super::pack::{CHUNK, Pack, Packed};
 use super::{Buffers, Workspace};
 
 /// The bits of a pixel, read as a signed integer. Those of numbers >= 0 order like the numbers themselves.
@@ -36,7 +36,12 @@ pub trait Pixel: Copy + PartialOrd + Debug + Default + Into<f64> + Send + Sync {
     fn buffers(workspace: &mut Workspace) -> &mut Buffers<Self>;
     /// Moves the pixels strictly between two keys to the front, see [`Pack`].
     #[doc(hidden)]
-    fn pack<P: Pack>(pack: P, chunk: &[Self; CHUNK], bounds: [Self::Key; 2], out: &mut [Self; CHUNK]) -> usize;
+    fn pack<P: Pack>(
+        pack: P,
+        chunk: &[Self; CHUNK],
+        bounds: [Self::Key; 2],
+        out: &mut [Self; CHUNK],
+    ) -> Packed;
     /// Whether the pixel is finite and not negative.
     fn valid(self) -> bool;
 }
@@ -81,7 +86,12 @@ macro_rules! pixel {
                 &mut workspace.$buffers
             }
             #[inline(always)]
-            fn pack<P: Pack>(pack: P, chunk: &[Self; CHUNK], bounds: [$key; 2], out: &mut [Self; CHUNK]) -> usize {
+            fn pack<P: Pack>(
+                pack: P,
+                chunk: &[Self; CHUNK],
+                bounds: [$key; 2],
+                out: &mut [Self; CHUNK],
+            ) -> Packed {
                 pack.$buffers(chunk, bounds, out)
             }
             #[inline(always)]

@@ -1,8 +1,8 @@
 //! The `rank`-th largest pixel of a landscape, in little more than one pass over it.
 
 use super::bisect::{bisect, count};
-use super::pixel::{Key, Pixel};
 use super::pack::{CHUNK, Gathering, Pack};
+use super::pixel::{Key, Pixel};
 
 /// Up to this many pixels are bisected at once.
 pub const SMALL: usize = 1024;
@@ -18,6 +18,7 @@ pub struct Largest<'a, T> {
     pub rank: usize,
     pub sample: &'a mut Vec<T>,
     pub inside: &'a mut Vec<T>,
+    pub spare: &'a mut Vec<T>,
 }
 
 /// What a search has found.
@@ -32,28 +33,61 @@ impl<T: Pixel> Gathering for Largest<'_, T> {
 
     #[inline(always)]
     fn run<P: Pack>(self, pack: P) -> Self::Output {
-        let Self { pixels, width, rank, sample, inside } = self;
-        if pixels.len() <= SMALL {
-            let (key, [least, largest]) = bisect(pixels, rank);
-            return Found { key, doubt: least.doubt() < T::Key::default() || largest.doubt() < T::Key::default() };
+        let Self { pixels, width, rank, sample, inside, spare } = self;
+        let (mut narrowed, doubt) = narrow(pack, pixels, width, rank, sample, inside);
+        loop {
+            match narrowed {
+                Narrowed::To(key) => return Found { key, doubt },
+                Narrowed::Inside { len, rank } => {
+                    std::mem::swap(inside, spare);
+                    (narrowed, _) = narrow(pack, &spare[..len], 1, rank, sample, inside);
+                }
+            }
         }
-        let [low, high] = bracket(pixels, width, rank, sample);
-        inside.resize(pixels.len() + CHUNK, T::default());
-        let Gathered { from_high, inside: len, doubt } = gather(pack, pixels, [low, high], inside);
-        let doubt = doubt < T::Key::default();
-
-        // The bracket is open, so that a value which many pixels share is never gathered if a sample met it.
-        let key = if rank <= from_high {
-            if rank > count_above(pixels, high) { high } else { bisect(pixels, rank).0 }
-        } else if rank <= from_high + len {
-            bisect(&inside[..len], rank - from_high).0
-        } else if rank <= count(pixels, low) {
-            low
-        } else {
-            bisect(pixels, rank).0
-        };
-        Found { key, doubt }
     }
+}
+
+/// How far a pass has come.
+enum Narrowed<K> {
+    /// The wanted key.
+    To(K),
+    /// It has this rank among the gathered pixels, of which there are `len`.
+    Inside { len: usize, rank: usize },
+}
+
+/// One pass; also tells whether a pixel is in doubt.
+#[inline(always)]
+fn narrow<T: Pixel, P: Pack>(
+    pack: P,
+    pixels: &[T],
+    width: usize,
+    rank: usize,
+    sample: &mut Vec<T>,
+    inside: &mut Vec<T>,
+) -> (Narrowed<T::Key>, bool) {
+    let zero = T::Key::default();
+    if pixels.len() <= SMALL {
+        let (key, [least, largest]) = bisect(pixels, rank);
+        return (Narrowed::To(key), least.doubt() < zero || largest.doubt() < zero);
+    }
+    let [low, high] = bracket(pixels, width, rank, sample);
+    if inside.len() < pixels.len() + CHUNK {
+        inside.resize(pixels.len() + CHUNK, T::default());
+    }
+    let Gathered { below, inside: len, doubt } = gather(pack, pixels, [low, high], inside);
+    let from_high = pixels.len() - below;
+
+    // The bracket is open, so that a value which many pixels share is never gathered if a sample met it.
+    let narrowed = if rank <= from_high {
+        Narrowed::To(if rank > count_above(pixels, high) { high } else { bisect(pixels, rank).0 })
+    } else if rank <= from_high + len {
+        Narrowed::Inside { len, rank: rank - from_high }
+    } else if rank <= count(pixels, low) {
+        Narrowed::To(low)
+    } else {
+        Narrowed::To(bisect(pixels, rank).0)
+    };
+    (narrowed, doubt < zero)
 }
 
 #[inline(always)]
@@ -69,8 +103,7 @@ fn count_above<T: Pixel>(pixels: &[T], bound: T::Key) -> usize {
 #[inline(always)]
 fn bracket<T: Pixel>(pixels: &[T], width: usize, rank: usize, sample: &mut Vec<T>) -> [T::Key; 2] {
     let step = step(pixels.len(), width);
-    sample.clear();
-    sample.extend(pixels.iter().step_by(step));
+    take_every(step, pixels, sample);
     let size = sample.len() as f64;
     let share = (rank as f64 / pixels.len() as f64).min(1.0);
     let centre = share * size;
@@ -80,6 +113,15 @@ fn bracket<T: Pixel>(pixels: &[T], width: usize, rank: usize, sample: &mut Vec<T
         if below > sample.len() { T::Key::MIN } else { bisect(sample, below).0 },
         if above < 1 { T::Key::MAX } else { bisect(sample, above).0 },
     ]
+}
+
+/// Every `step`-th pixel, beginning with the first.
+#[inline(always)]
+fn take_every<T: Pixel>(step: usize, pixels: &[T], out: &mut Vec<T>) {
+    out.resize(pixels.len().div_ceil(step), T::default());
+    for (out, pixels) in out.iter_mut().zip(pixels.chunks(step)) {
+        *out = pixels[0];
+    }
 }
 
 /// Half the bracket, in standard deviations of the rank in a random sample.
@@ -99,8 +141,8 @@ fn coprime(mut a: usize, mut b: usize) -> bool {
 }
 
 struct Gathered<K> {
-    /// Pixels not below the upper end.
-    from_high: usize,
+    /// Pixels strictly below the upper end.
+    below: usize,
     /// Pixels strictly between the ends.
     inside: usize,
     doubt: K,
@@ -118,24 +160,25 @@ fn gather<T: Pixel, P: Pack>(
     inside: &mut [T],
 ) -> Gathered<T::Key> {
     let [low, high] = bounds;
-    let mut gathered = Gathered { from_high: 0, inside: 0, doubt: T::Key::default() };
+    let mut gathered = Gathered { below: 0, inside: 0, doubt: T::Key::default() };
     for block in pixels.chunks(BLOCK) {
-        let (mut doubt, mut from_high) = (T::Key::default(), T::Key::default());
+        let mut doubt = T::Key::default();
         for pixel in block {
             doubt |= pixel.key().doubt();
-            from_high += T::Key::from(pixel.key() >= high);
         }
         gathered.doubt |= doubt;
-        gathered.from_high += from_high.count();
         let (chunks, rest) = block.as_chunks::<CHUNK>();
         for chunk in chunks {
             if let Some(out) = inside[gathered.inside..].first_chunk_mut() {
-                gathered.inside += T::pack(pack, chunk, bounds, out);
+                let packed = T::pack(pack, chunk, bounds, out);
+                gathered.inside += packed.inside;
+                gathered.below += packed.below;
             }
         }
         for &pixel in rest {
             inside[gathered.inside] = pixel;
             gathered.inside += usize::from((pixel.key() > low) & (pixel.key() < high));
+            gathered.below += usize::from(pixel.key() < high);
         }
     }
     gathered
