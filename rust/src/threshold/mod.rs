@@ -150,8 +150,18 @@ impl<T: Pixel> Kernel for Subsample<'_, T> {
         self.out.resize(width * (self.landscape.len() / self.width).div_ceil(self.stride), T::default());
         let rows = self.landscape.chunks_exact(self.width).step_by(self.stride);
         for (row, out) in rows.zip(self.out.chunks_exact_mut(width)) {
-            for (out, pixels) in out.iter_mut().zip(row.chunks(self.stride)) {
-                *out = pixels[0];
+            if self.stride == 4 {
+                let (fours, rest) = row.as_chunks::<4>();
+                for (out, pixels) in out.iter_mut().zip(fours) {
+                    *out = pixels[0];
+                }
+                if let (Some(out), Some(&pixel)) = (out.get_mut(fours.len()), rest.first()) {
+                    *out = pixel;
+                }
+            } else {
+                for (out, pixels) in out.iter_mut().zip(row.chunks(self.stride)) {
+                    *out = pixels[0];
+                }
             }
         }
     }

@@ -23,6 +23,8 @@ pub struct Packed {
     pub inside: usize,
     /// Strictly below the upper bound.
     pub below: usize,
+    /// Not zero if the key of a pixel is in doubt, see [`Key::doubt`].
+    pub doubt: u32,
 }
 
 /// Work that gathers. Mark the implementation of `run` `#[inline(always)]`.
@@ -69,8 +71,9 @@ impl Pack for Plain {
 #[inline(always)]
 fn plain<T: Pixel>(chunk: &[T; CHUNK], [low, high]: [T::Key; 2], out: &mut [T; CHUNK]) -> Packed {
     // Most chunks of a smooth landscape hold none, and this loop is a few vector instructions.
-    let (mut below, mut any) = (T::Key::default(), T::Key::default());
+    let (mut below, mut any, mut doubt) = (T::Key::default(), T::Key::default(), T::Key::default());
     for pixel in chunk {
+        doubt |= pixel.key().doubt();
         below += T::Key::from(pixel.key() < high);
         any |= T::Key::from((pixel.key() > low) & (pixel.key() < high));
     }
@@ -81,7 +84,7 @@ fn plain<T: Pixel>(chunk: &[T; CHUNK], [low, high]: [T::Key; 2], out: &mut [T; C
             inside += usize::from((pixel.key() > low) & (pixel.key() < high));
         }
     }
-    Packed { inside, below: below.count() }
+    Packed { inside, below: below.count(), doubt: (doubt < T::Key::default()).into() }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -93,13 +96,17 @@ impl Pack for V4 {
         let below = f._mm512_cmplt_epi32_mask(keys, f._mm512_set1_epi32(high));
         let inside = f._mm512_mask_cmpgt_epi32_mask(below, keys, f._mm512_set1_epi32(low));
         *out = cast(f._mm512_maskz_compress_epi32(inside, keys));
-        Packed { inside: inside.count_ones() as usize, below: below.count_ones() as usize }
+        Packed {
+            inside: inside.count_ones() as usize,
+            below: below.count_ones() as usize,
+            doubt: f._mm512_cmpge_epu32_mask(keys, f._mm512_set1_epi32(f32::INFINITY.key())).into(),
+        }
     }
     #[inline(always)]
     fn double(self, chunk: &[f64; CHUNK], [low, high]: [i64; 2], out: &mut [f64; CHUNK]) -> Packed {
         const LANES: usize = 8;
         let f = self.avx512f;
-        let mut packed = Packed { inside: 0, below: 0 };
+        let mut packed = Packed { inside: 0, below: 0, doubt: 0 };
         for half in chunk.as_chunks::<LANES>().0 {
             let keys = cast(*half);
             let below = f._mm512_cmplt_epi64_mask(keys, f._mm512_set1_epi64(high));
@@ -108,6 +115,8 @@ impl Pack for V4 {
             out[packed.inside..][..LANES].copy_from_slice(&front);
             packed.inside += inside.count_ones() as usize;
             packed.below += below.count_ones() as usize;
+            let infinity = f._mm512_set1_epi64(f64::INFINITY.key());
+            packed.doubt |= u32::from(f._mm512_cmpge_epu64_mask(keys, infinity));
         }
         packed
     }
@@ -120,7 +129,7 @@ impl Pack for V3 {
         const LANES: usize = 8;
         static FRONT: [[u32; 8]; 1 << LANES] = front(1);
         let (f, g) = (self.avx, self.avx2);
-        let mut packed = Packed { inside: 0, below: 0 };
+        let mut packed = Packed { inside: 0, below: 0, doubt: 0 };
         for half in chunk.as_chunks::<LANES>().0 {
             let keys = cast(*half);
             let above = g._mm256_cmpgt_epi32(keys, f._mm256_set1_epi32(low));
@@ -132,6 +141,8 @@ impl Pack for V3 {
             out[packed.inside..][..LANES].copy_from_slice(&front);
             packed.inside += inside.count_ones() as usize;
             packed.below += below.count_ones() as usize;
+            let next = g._mm256_add_epi32(keys, f._mm256_set1_epi32(1 << 23));
+            packed.doubt |= f._mm256_movemask_ps(cast(g._mm256_or_si256(keys, next))) as u32;
         }
         packed
     }
@@ -140,7 +151,7 @@ impl Pack for V3 {
         const LANES: usize = 4;
         static FRONT: [[u32; 8]; 1 << LANES] = front(2);
         let (f, g) = (self.avx, self.avx2);
-        let mut packed = Packed { inside: 0, below: 0 };
+        let mut packed = Packed { inside: 0, below: 0, doubt: 0 };
         for quarter in chunk.as_chunks::<LANES>().0 {
             let keys = cast(*quarter);
             let above = g._mm256_cmpgt_epi64(keys, f._mm256_set1_epi64x(low));
@@ -151,6 +162,8 @@ impl Pack for V3 {
             out[packed.inside..][..LANES].copy_from_slice(&front);
             packed.inside += inside.count_ones() as usize;
             packed.below += below.count_ones() as usize;
+            let next = g._mm256_add_epi64(keys, f._mm256_set1_epi64x(1 << 52));
+            packed.doubt |= f._mm256_movemask_pd(cast(g._mm256_or_si256(keys, next))) as u32;
         }
         packed
     }

@@ -87,7 +87,7 @@ fn narrow<T: Pixel, P: Pack>(
     } else {
         Narrowed::To(bisect(pixels, rank).0)
     };
-    (narrowed, doubt < zero)
+    (narrowed, doubt)
 }
 
 #[inline(always)]
@@ -140,46 +140,35 @@ fn coprime(mut a: usize, mut b: usize) -> bool {
     a == 1
 }
 
-struct Gathered<K> {
+struct Gathered {
     /// Pixels strictly below the upper end.
     below: usize,
     /// Pixels strictly between the ends.
     inside: usize,
-    doubt: K,
+    doubt: bool,
 }
-
-/// Pixels that are checked and counted before they are gathered, while they are in the innermost cache.
-const BLOCK: usize = 1024;
 
 /// Checks all pixels, counts those from the upper bound and gathers those strictly between the bounds.
 #[inline(always)]
-fn gather<T: Pixel, P: Pack>(
-    pack: P,
-    pixels: &[T],
-    bounds: [T::Key; 2],
-    inside: &mut [T],
-) -> Gathered<T::Key> {
+fn gather<T: Pixel, P: Pack>(pack: P, pixels: &[T], bounds: [T::Key; 2], inside: &mut [T]) -> Gathered {
     let [low, high] = bounds;
-    let mut gathered = Gathered { below: 0, inside: 0, doubt: T::Key::default() };
-    for block in pixels.chunks(BLOCK) {
-        let mut doubt = T::Key::default();
-        for pixel in block {
-            doubt |= pixel.key().doubt();
+    let mut gathered = Gathered { below: 0, inside: 0, doubt: false };
+    let mut doubt = 0;
+    let (chunks, rest) = pixels.as_chunks::<CHUNK>();
+    for chunk in chunks {
+        if let Some(out) = inside[gathered.inside..].first_chunk_mut() {
+            let packed = T::pack(pack, chunk, bounds, out);
+            gathered.inside += packed.inside;
+            gathered.below += packed.below;
+            doubt |= packed.doubt;
         }
-        gathered.doubt |= doubt;
-        let (chunks, rest) = block.as_chunks::<CHUNK>();
-        for chunk in chunks {
-            if let Some(out) = inside[gathered.inside..].first_chunk_mut() {
-                let packed = T::pack(pack, chunk, bounds, out);
-                gathered.inside += packed.inside;
-                gathered.below += packed.below;
-            }
-        }
-        for &pixel in rest {
-            inside[gathered.inside] = pixel;
-            gathered.inside += usize::from((pixel.key() > low) & (pixel.key() < high));
-            gathered.below += usize::from(pixel.key() < high);
-        }
+    }
+    gathered.doubt = doubt != 0;
+    for &pixel in rest {
+        inside[gathered.inside] = pixel;
+        gathered.inside += usize::from((pixel.key() > low) & (pixel.key() < high));
+        gathered.below += usize::from(pixel.key() < high);
+        gathered.doubt |= pixel.key().doubt() < T::Key::default();
     }
     gathered
 }
