@@ -8,7 +8,7 @@ use super::pixel::{Key, Pixel};
 use crate::simd::Simd;
 
 /// Pixels that are gathered at once.
-pub const CHUNK: usize = 16;
+pub const CHUNK: usize = 64;
 
 /// Moves the pixels of a chunk whose keys lie strictly between two bounds to the front of `out`, in their
 /// order. What it writes behind them has no meaning.
@@ -23,8 +23,8 @@ pub struct Packed {
     pub inside: usize,
     /// Strictly below the upper bound.
     pub below: usize,
-    /// Not zero if the key of a pixel is in doubt, see [`Key::doubt`].
-    pub doubt: u32,
+    /// Whether one of them is in doubt, see [`Key::doubt`].
+    pub doubt: bool,
 }
 
 /// Work that gathers. Mark the implementation of `run` `#[inline(always)]`.
@@ -70,55 +70,68 @@ impl Pack for Plain {
 
 #[inline(always)]
 fn plain<T: Pixel>(chunk: &[T; CHUNK], [low, high]: [T::Key; 2], out: &mut [T; CHUNK]) -> Packed {
-    // Most chunks of a smooth landscape hold none, and this loop is a few vector instructions.
-    let (mut below, mut any, mut doubt) = (T::Key::default(), T::Key::default(), T::Key::default());
+    let (mut below, mut doubt) = (T::Key::default(), T::Key::default());
+    for pixel in chunk {
+        below += T::Key::from(pixel.key() < high);
+    }
     for pixel in chunk {
         doubt |= pixel.key().doubt();
-        below += T::Key::from(pixel.key() < high);
-        any |= T::Key::from((pixel.key() > low) & (pixel.key() < high));
     }
     let mut inside = 0;
-    if any != T::Key::default() {
-        for &pixel in chunk {
+    for part in chunk.as_chunks::<16>().0 {
+        // Most parts of a smooth landscape hold none, and this loop is a few vector instructions.
+        let mut any = T::Key::default();
+        for pixel in part {
+            any |= T::Key::from((pixel.key() > low) & (pixel.key() < high));
+        }
+        if any == T::Key::default() {
+            continue;
+        }
+        for &pixel in part {
             out[inside % CHUNK] = pixel;
             inside += usize::from((pixel.key() > low) & (pixel.key() < high));
         }
     }
-    Packed { inside, below: below.count(), doubt: (doubt < T::Key::default()).into() }
+    Packed { inside, below: below.count(), doubt: doubt < T::Key::default() }
 }
 
 #[cfg(target_arch = "x86_64")]
 impl Pack for V4 {
     #[inline(always)]
     fn single(self, chunk: &[f32; CHUNK], [low, high]: [i32; 2], out: &mut [f32; CHUNK]) -> Packed {
+        const LANES: usize = 16;
         let f = self.avx512f;
-        let keys = cast(*chunk);
-        let below = f._mm512_cmplt_epi32_mask(keys, f._mm512_set1_epi32(high));
-        let inside = f._mm512_mask_cmpgt_epi32_mask(below, keys, f._mm512_set1_epi32(low));
-        *out = cast(f._mm512_maskz_compress_epi32(inside, keys));
-        Packed {
-            inside: inside.count_ones() as usize,
-            below: below.count_ones() as usize,
-            doubt: f._mm512_cmpge_epu32_mask(keys, f._mm512_set1_epi32(f32::INFINITY.key())).into(),
+        let [low, high, step] = [low, high, f32::STEP].map(|key| f._mm512_set1_epi32(key));
+        let (mut inside, mut below, mut doubt) = (0, 0, f._mm512_setzero_si512());
+        for part in chunk.as_chunks::<LANES>().0 {
+            let keys = cast(*part);
+            let under = f._mm512_cmplt_epi32_mask(keys, high);
+            let within = f._mm512_mask_cmpgt_epi32_mask(under, keys, low);
+            let front: [f32; LANES] = cast(f._mm512_maskz_compress_epi32(within, keys));
+            out[inside..][..LANES].copy_from_slice(&front);
+            inside += within.count_ones() as usize;
+            below += under.count_ones() as usize;
+            doubt = f._mm512_or_si512(doubt, f._mm512_or_si512(keys, f._mm512_add_epi32(keys, step)));
         }
+        Packed { inside, below, doubt: f._mm512_cmplt_epi32_mask(doubt, f._mm512_setzero_si512()) != 0 }
     }
     #[inline(always)]
     fn double(self, chunk: &[f64; CHUNK], [low, high]: [i64; 2], out: &mut [f64; CHUNK]) -> Packed {
         const LANES: usize = 8;
         let f = self.avx512f;
-        let mut packed = Packed { inside: 0, below: 0, doubt: 0 };
-        for half in chunk.as_chunks::<LANES>().0 {
-            let keys = cast(*half);
-            let below = f._mm512_cmplt_epi64_mask(keys, f._mm512_set1_epi64(high));
-            let inside = f._mm512_mask_cmpgt_epi64_mask(below, keys, f._mm512_set1_epi64(low));
-            let front: [f64; LANES] = cast(f._mm512_maskz_compress_epi64(inside, keys));
-            out[packed.inside..][..LANES].copy_from_slice(&front);
-            packed.inside += inside.count_ones() as usize;
-            packed.below += below.count_ones() as usize;
-            let infinity = f._mm512_set1_epi64(f64::INFINITY.key());
-            packed.doubt |= u32::from(f._mm512_cmpge_epu64_mask(keys, infinity));
+        let [low, high, step] = [low, high, f64::STEP].map(|key| f._mm512_set1_epi64(key));
+        let (mut inside, mut below, mut doubt) = (0, 0, f._mm512_setzero_si512());
+        for part in chunk.as_chunks::<LANES>().0 {
+            let keys = cast(*part);
+            let under = f._mm512_cmplt_epi64_mask(keys, high);
+            let within = f._mm512_mask_cmpgt_epi64_mask(under, keys, low);
+            let front: [f64; LANES] = cast(f._mm512_maskz_compress_epi64(within, keys));
+            out[inside..][..LANES].copy_from_slice(&front);
+            inside += within.count_ones() as usize;
+            below += under.count_ones() as usize;
+            doubt = f._mm512_or_si512(doubt, f._mm512_or_si512(keys, f._mm512_add_epi64(keys, step)));
         }
-        packed
+        Packed { inside, below, doubt: f._mm512_cmplt_epi64_mask(doubt, f._mm512_setzero_si512()) != 0 }
     }
 }
 
@@ -129,43 +142,40 @@ impl Pack for V3 {
         const LANES: usize = 8;
         static FRONT: [[u32; 8]; 1 << LANES] = front(1);
         let (f, g) = (self.avx, self.avx2);
-        let mut packed = Packed { inside: 0, below: 0, doubt: 0 };
-        for half in chunk.as_chunks::<LANES>().0 {
-            let keys = cast(*half);
-            let above = g._mm256_cmpgt_epi32(keys, f._mm256_set1_epi32(low));
-            let below = g._mm256_cmpgt_epi32(f._mm256_set1_epi32(high), keys);
-            let inside = f._mm256_movemask_ps(cast(g._mm256_and_si256(above, below))) as u8;
-            let below = f._mm256_movemask_ps(cast(below));
-            let order = cast(FRONT[usize::from(inside)]);
-            let front: [f32; LANES] = cast(g._mm256_permutevar8x32_epi32(keys, order));
-            out[packed.inside..][..LANES].copy_from_slice(&front);
-            packed.inside += inside.count_ones() as usize;
-            packed.below += below.count_ones() as usize;
-            let next = g._mm256_add_epi32(keys, f._mm256_set1_epi32(1 << 23));
-            packed.doubt |= f._mm256_movemask_ps(cast(g._mm256_or_si256(keys, next))) as u32;
+        let [low, high, step] = [low, high, f32::STEP].map(|key| f._mm256_set1_epi32(key));
+        let (mut inside, mut below, mut doubt) = (0, 0, f._mm256_setzero_si256());
+        for part in chunk.as_chunks::<LANES>().0 {
+            let keys = cast(*part);
+            let under = g._mm256_cmpgt_epi32(high, keys);
+            let within = g._mm256_and_si256(under, g._mm256_cmpgt_epi32(keys, low));
+            let within = f._mm256_movemask_ps(cast(within)) as usize % FRONT.len();
+            let front: [f32; LANES] = cast(g._mm256_permutevar8x32_epi32(keys, cast(FRONT[within])));
+            out[inside..][..LANES].copy_from_slice(&front);
+            inside += within.count_ones() as usize;
+            below += f._mm256_movemask_ps(cast(under)).count_ones() as usize;
+            doubt = g._mm256_or_si256(doubt, g._mm256_or_si256(keys, g._mm256_add_epi32(keys, step)));
         }
-        packed
+        Packed { inside, below, doubt: f._mm256_movemask_ps(cast(doubt)) != 0 }
     }
     #[inline(always)]
     fn double(self, chunk: &[f64; CHUNK], [low, high]: [i64; 2], out: &mut [f64; CHUNK]) -> Packed {
         const LANES: usize = 4;
         static FRONT: [[u32; 8]; 1 << LANES] = front(2);
         let (f, g) = (self.avx, self.avx2);
-        let mut packed = Packed { inside: 0, below: 0, doubt: 0 };
-        for quarter in chunk.as_chunks::<LANES>().0 {
-            let keys = cast(*quarter);
-            let above = g._mm256_cmpgt_epi64(keys, f._mm256_set1_epi64x(low));
-            let below = g._mm256_cmpgt_epi64(f._mm256_set1_epi64x(high), keys);
-            let inside = f._mm256_movemask_pd(cast(g._mm256_and_si256(above, below))) as usize % FRONT.len();
-            let below = f._mm256_movemask_pd(cast(below));
-            let front: [f64; LANES] = cast(g._mm256_permutevar8x32_epi32(keys, cast(FRONT[inside])));
-            out[packed.inside..][..LANES].copy_from_slice(&front);
-            packed.inside += inside.count_ones() as usize;
-            packed.below += below.count_ones() as usize;
-            let next = g._mm256_add_epi64(keys, f._mm256_set1_epi64x(1 << 52));
-            packed.doubt |= f._mm256_movemask_pd(cast(g._mm256_or_si256(keys, next))) as u32;
+        let [low, high, step] = [low, high, f64::STEP].map(|key| f._mm256_set1_epi64x(key));
+        let (mut inside, mut below, mut doubt) = (0, 0, f._mm256_setzero_si256());
+        for part in chunk.as_chunks::<LANES>().0 {
+            let keys = cast(*part);
+            let under = g._mm256_cmpgt_epi64(high, keys);
+            let within = g._mm256_and_si256(under, g._mm256_cmpgt_epi64(keys, low));
+            let within = f._mm256_movemask_pd(cast(within)) as usize % FRONT.len();
+            let front: [f64; LANES] = cast(g._mm256_permutevar8x32_epi32(keys, cast(FRONT[within])));
+            out[inside..][..LANES].copy_from_slice(&front);
+            inside += within.count_ones() as usize;
+            below += f._mm256_movemask_pd(cast(under)).count_ones() as usize;
+            doubt = g._mm256_or_si256(doubt, g._mm256_or_si256(keys, g._mm256_add_epi64(keys, step)));
         }
-        packed
+        Packed { inside, below, doubt: f._mm256_movemask_pd(cast(doubt)) != 0 }
     }
 }
 

@@ -28,6 +28,8 @@ pub trait Key: Copy + Ord + Debug + Default + From<bool> + AddAssign + BitOrAssi
 pub trait Pixel: Copy + PartialOrd + Debug + Default + Into<f64> + Send + Sync {
     /// Signed integer of the same size.
     type Key: Key;
+    /// One step of the exponent, which takes infinity and NaN into the sign bit and nothing below them.
+    const STEP: Self::Key;
     /// The bits as a key.
     fn key(self) -> Self::Key;
     /// The number with these bits.
@@ -66,14 +68,13 @@ macro_rules! pixel {
             }
             #[inline(always)]
             fn doubt(self) -> Self {
-                // One step of the exponent takes infinity and NaN into the sign bit, and nothing below them.
-                const STEP: $key = 1 << (<$float>::MANTISSA_DIGITS - 1);
-                self | self.wrapping_add(STEP)
+                self | self.wrapping_add(<$float>::STEP)
             }
         }
 
         impl Pixel for $float {
             type Key = $key;
+            const STEP: $key = 1 << (<$float>::MANTISSA_DIGITS - 1);
             #[inline(always)]
             fn key(self) -> $key {
                 self.to_bits() as $key

@@ -153,17 +153,15 @@ struct Gathered {
 fn gather<T: Pixel, P: Pack>(pack: P, pixels: &[T], bounds: [T::Key; 2], inside: &mut [T]) -> Gathered {
     let [low, high] = bounds;
     let mut gathered = Gathered { below: 0, inside: 0, doubt: false };
-    let mut doubt = 0;
     let (chunks, rest) = pixels.as_chunks::<CHUNK>();
     for chunk in chunks {
         if let Some(out) = inside[gathered.inside..].first_chunk_mut() {
             let packed = T::pack(pack, chunk, bounds, out);
             gathered.inside += packed.inside;
             gathered.below += packed.below;
-            doubt |= packed.doubt;
+            gathered.doubt |= packed.doubt;
         }
     }
-    gathered.doubt = doubt != 0;
     for &pixel in rest {
         inside[gathered.inside] = pixel;
         gathered.inside += usize::from((pixel.key() > low) & (pixel.key() < high));
