@@ -1,6 +1,6 @@
 //! The check that every pixel is a relevance: finite and not negative.
 
-use super::pixel::{Key, Pixel};
+use super::pixel::Pixel;
 use crate::error::{Error, Result};
 use crate::shape::Shape;
 use crate::simd::{Kernel, Simd};
@@ -10,33 +10,39 @@ use crate::simd::{Kernel, Simd};
 /// # Errors
 /// Names the first pixel that is not.
 pub fn check_pixels<T: Pixel>(landscape: &[T], shape: Shape) -> Result<()> {
-    if Simd::best().run(Doubt(landscape)) { look_closer(landscape, shape.width(), 1) } else { Ok(()) }
+    check_read(Simd::best(), landscape, shape.width(), 1)
 }
 
-/// Whether a pixel is negative, -0.0, infinite or NaN.
-struct Doubt<'a, T>(&'a [T]);
-
-impl<T: Pixel> Kernel for Doubt<'_, T> {
-    type Output = bool;
-
-    #[inline(always)]
-    fn run(self) -> bool {
-        let mut doubt = T::Key::default();
-        for pixel in self.0 {
-            doubt |= pixel.key().doubt();
-        }
-        doubt < T::Key::default()
-    }
-}
-
-/// The error for the first bad pixel, if there is one. The pixels are those of every `stride`-th row and
-/// column; the error counts in those of the full image.
-#[cold]
-pub(super) fn look_closer<T: Pixel>(pixels: &[T], width: usize, stride: usize) -> Result<()> {
-    let Some(at) = pixels.iter().position(|p| !p.valid()) else { return Ok(()) };
+/// Checks pixels that were read with a stride; an error counts in rows and columns of the full image.
+pub fn check_read<T: Pixel>(simd: Simd, pixels: &[T], width: usize, stride: usize) -> Result<()> {
+    let Some(at) = simd.run(FirstBad(pixels)) else { return Ok(()) };
     let index = [at / width * stride, at % width * stride];
     Err(Error::element("landscape", &index, "finite and >= 0", pixels[at].into()))
 }
+
+/// The index of the first pixel that is negative or not finite.
+struct FirstBad<'a, T>(&'a [T]);
+
+impl<T: Pixel> Kernel for FirstBad<'_, T> {
+    type Output = Option<usize>;
+
+    #[inline(always)]
+    fn run(self) -> Option<usize> {
+        for (index, block) in self.0.chunks(BLOCK).enumerate() {
+            let mut bad = T::Key::default();
+            for pixel in block {
+                bad |= T::Key::from(!pixel.valid());
+            }
+            if bad != T::Key::default() {
+                return block.iter().position(|p| !p.valid()).map(|at| index * BLOCK + at);
+            }
+        }
+        None
+    }
+}
+
+/// Pixels between two looks at the result.
+const BLOCK: usize = 1024;
 
 #[cfg(test)]
 mod tests {
@@ -45,7 +51,7 @@ mod tests {
     #[test]
     fn a_bad_pixel_is_found_wherever_it_stands() {
         let shape = Shape::new(5, 9).unwrap();
-        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, -1e-45] {
+        for bad in [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, -1e-45] {
             for at in 0..shape.pixels() {
                 let mut pixels = vec![1.0_f32; shape.pixels()];
                 pixels[at] = bad;
@@ -54,5 +60,20 @@ mod tests {
             }
         }
         assert_eq!(check_pixels(&vec![-0.0_f32; shape.pixels()], shape), Ok(()));
+        assert_eq!(check_pixels(&vec![f32::MAX; shape.pixels()], shape), Ok(()));
+    }
+
+    #[test]
+    fn the_first_of_several_is_named_on_every_instruction_set() {
+        let width = 700;
+        let mut pixels = vec![-0.0_f64; 4 * width];
+        for at in [1023, 1024, 1025, 2799].into_iter().rev() {
+            pixels[at] = f64::NAN;
+            for simd in Simd::all() {
+                let error = check_read(simd, &pixels, width, 3).unwrap_err().to_string();
+                let place = format!("at landscape[{}, {}]", at / width * 3, at % width * 3);
+                assert!(error.ends_with(&place), "{error}");
+            }
+        }
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Debug;
 use std::ops::{AddAssign, BitOrAssign};
 
 use super::pack::{CHUNK, Pack, Packed};
-use super::{Buffers, Workspace};
+use super::workspace::{Buffers, Workspace};
 
 /// The bits of a pixel, read as a signed integer. Those of numbers >= 0 order like the numbers themselves.
 ///
@@ -18,6 +18,8 @@ pub trait Key: Copy + Ord + Debug + Default + From<bool> + AddAssign + BitOrAssi
     fn count(self) -> usize;
     /// The next key after the middle between two keys, of which the first is smaller; never above the second.
     fn middle(low: Self, high: Self) -> Self;
+    /// The key just above another that is not the largest.
+    fn after(self) -> Self;
     /// The key just below another that is not the least.
     fn before(self) -> Self;
     /// Negative if this is no key of a positive finite number or +0.0, else not; may be or-ed together.
@@ -25,6 +27,8 @@ pub trait Key: Copy + Ord + Debug + Default + From<bool> + AddAssign + BitOrAssi
 }
 
 /// A pixel of a landscape: float32, or float64 so that a caller's own comparison `landscape >= d` holds.
+///
+/// Sealed: what it asks for has no name outside.
 pub trait Pixel: Copy + PartialOrd + Debug + Default + Into<f64> + Send + Sync {
     /// Signed integer of the same size.
     type Key: Key;
@@ -35,6 +39,7 @@ pub trait Pixel: Copy + PartialOrd + Debug + Default + Into<f64> + Send + Sync {
     /// The number with these bits.
     fn from_key(key: Self::Key) -> Self;
     /// Its buffers in a workspace.
+    #[doc(hidden)]
     fn buffers(workspace: &mut Workspace) -> &mut Buffers<Self>;
     /// Moves the pixels strictly between two keys to the front, see [`Pack`].
     #[doc(hidden)]
@@ -61,6 +66,10 @@ macro_rules! pixel {
             fn middle(low: Self, high: Self) -> Self {
                 let distance = high.wrapping_sub(low) as $unsigned;
                 low.wrapping_add(((distance >> 1) + (distance & 1)) as $key)
+            }
+            #[inline(always)]
+            fn after(self) -> Self {
+                self + 1
             }
             #[inline(always)]
             fn before(self) -> Self {

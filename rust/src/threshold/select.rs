@@ -3,22 +3,24 @@
 use super::bisect::{bisect, count};
 use super::pack::{CHUNK, Gathering, Pack};
 use super::pixel::{Key, Pixel};
+use super::subsample::every;
+use super::workspace::first;
 
 /// Up to this many pixels are bisected at once.
 pub const SMALL: usize = 1024;
 
 /// Finds the `rank`-th largest key, 1 being the largest.
 ///
-/// A sample brackets it, one pass checks the pixels, counts those above the bracket and gathers those within,
-/// and a bisection ends it (Floyd and Rivest, 1975, with the recursion replaced).
+/// A sample brackets it; one pass checks the pixels, counts those above the bracket and gathers those inside.
+/// This goes on with what was gathered until it is little, and a bisection ends it. The idea is that of Floyd
+/// and Rivest (1975), without their moving about of all elements.
 pub struct Largest<'a, T> {
     pub pixels: &'a [T],
     /// Length of a row, which the sample shall not be in step with.
     pub width: usize,
     pub rank: usize,
     pub sample: &'a mut Vec<T>,
-    pub inside: &'a mut Vec<T>,
-    pub spare: &'a mut Vec<T>,
+    pub gathered: &'a mut [Vec<T>; 2],
 }
 
 /// What a search has found.
@@ -33,13 +35,17 @@ impl<T: Pixel> Gathering for Largest<'_, T> {
 
     #[inline(always)]
     fn run<P: Pack>(self, pack: P) -> Self::Output {
-        let Self { pixels, width, rank, sample, inside, spare } = self;
+        let Self { pixels, width, rank, sample, gathered: [inside, spare] } = self;
+        // All that any content may need, so that the content never makes a call allocate.
+        let sample = first(2 * (pixels.len() / least_step(pixels.len())) + 1, sample);
+        let [mut inside, mut spare] = [inside, spare].map(|buffer| first(pixels.len() + CHUNK, buffer));
+
         let (mut narrowed, doubt) = narrow(pack, pixels, width, rank, sample, inside);
         loop {
             match narrowed {
                 Narrowed::To(key) => return Found { key, doubt },
-                Narrowed::Inside { len, rank } => {
-                    std::mem::swap(inside, spare);
+                Narrowed::Among { len, rank } => {
+                    (inside, spare) = (spare, inside);
                     (narrowed, _) = narrow(pack, &spare[..len], 1, rank, sample, inside);
                 }
             }
@@ -52,7 +58,7 @@ enum Narrowed<K> {
     /// The wanted key.
     To(K),
     /// It has this rank among the gathered pixels, of which there are `len`.
-    Inside { len: usize, rank: usize },
+    Among { len: usize, rank: usize },
 }
 
 /// One pass; also tells whether a pixel is in doubt.
@@ -62,8 +68,8 @@ fn narrow<T: Pixel, P: Pack>(
     pixels: &[T],
     width: usize,
     rank: usize,
-    sample: &mut Vec<T>,
-    inside: &mut Vec<T>,
+    sample: &mut [T],
+    inside: &mut [T],
 ) -> (Narrowed<T::Key>, bool) {
     let zero = T::Key::default();
     if pixels.len() <= SMALL {
@@ -71,43 +77,33 @@ fn narrow<T: Pixel, P: Pack>(
         return (Narrowed::To(key), least.doubt() < zero || largest.doubt() < zero);
     }
     let [low, high] = bracket(pixels, width, rank, sample);
-    if inside.len() < pixels.len() + CHUNK {
-        inside.resize(pixels.len() + CHUNK, T::default());
-    }
     let Gathered { below, inside: len, doubt } = gather(pack, pixels, [low, high], inside);
     let from_high = pixels.len() - below;
 
-    // The bracket is open, so that a value which many pixels share is never gathered if a sample met it.
-    let narrowed = if rank <= from_high {
-        Narrowed::To(if rank > count_above(pixels, high) { high } else { bisect(pixels, rank).0 })
-    } else if rank <= from_high + len {
-        Narrowed::Inside { len, rank: rank - from_high }
-    } else if rank <= count(pixels, low) {
-        Narrowed::To(low)
+    // The bracket is open, so that a value which many pixels share is not gathered where the sample met it.
+    let key = if rank <= from_high {
+        let above = if high < T::Key::MAX { count(pixels, high.after()) } else { 0 };
+        (rank > above).then_some(high)
+    } else if rank > from_high + len {
+        (rank <= count(pixels, low)).then_some(low)
+    } else if len > pixels.len() / 2 {
+        // A sample so unlike the rest may be so again, and the passes must not add up.
+        Some(bisect(&inside[..len], rank - from_high).0)
     } else {
-        Narrowed::To(bisect(pixels, rank).0)
+        return (Narrowed::Among { len, rank: rank - from_high }, doubt);
     };
-    (narrowed, doubt)
-}
-
-#[inline(always)]
-fn count_above<T: Pixel>(pixels: &[T], bound: T::Key) -> usize {
-    let mut count = T::Key::default();
-    for pixel in pixels {
-        count += T::Key::from(pixel.key() > bound);
-    }
-    count.count()
+    (Narrowed::To(key.unwrap_or_else(|| bisect(pixels, rank).0)), doubt)
 }
 
 /// Two keys between which the wanted one lies in all likelihood.
 #[inline(always)]
-fn bracket<T: Pixel>(pixels: &[T], width: usize, rank: usize, sample: &mut Vec<T>) -> [T::Key; 2] {
+fn bracket<T: Pixel>(pixels: &[T], width: usize, rank: usize, sample: &mut [T]) -> [T::Key; 2] {
     let step = step(pixels.len(), width);
-    take_every(step, pixels, sample);
+    let sample = &mut sample[..pixels.len().div_ceil(step)];
+    every(step, pixels, sample);
     let size = sample.len() as f64;
-    let share = (rank as f64 / pixels.len() as f64).min(1.0);
-    let centre = share * size;
-    let margin = DEVIATIONS * (size * share * (1.0 - share)).sqrt() + 1.0;
+    let share = rank as f64 / pixels.len() as f64;
+    let (centre, margin) = (share * size, DEVIATIONS * (size * share * (1.0 - share)).sqrt() + 1.0);
     let (above, below) = ((centre - margin) as usize, (centre + margin).ceil() as usize);
     [
         if below > sample.len() { T::Key::MIN } else { bisect(sample, below).0 },
@@ -115,22 +111,17 @@ fn bracket<T: Pixel>(pixels: &[T], width: usize, rank: usize, sample: &mut Vec<T
     ]
 }
 
-/// Every `step`-th pixel, beginning with the first.
-#[inline(always)]
-fn take_every<T: Pixel>(step: usize, pixels: &[T], out: &mut Vec<T>) {
-    out.resize(pixels.len().div_ceil(step), T::default());
-    for (out, pixels) in out.iter_mut().zip(pixels.chunks(step)) {
-        *out = pixels[0];
-    }
+/// Half the bracket, in standard deviations of the rank in a random sample: a miss is one in ten thousand.
+const DEVIATIONS: f64 = 4.0;
+
+/// The step of the sample, which meets every column of the image alike.
+pub fn step(pixels: usize, width: usize) -> usize {
+    (least_step(pixels)..).find(|&step| coprime(step, width)).unwrap_or(1)
 }
 
-/// Half the bracket, in standard deviations of the rank in a random sample.
-const DEVIATIONS: f64 = 3.0;
-
-/// The step of the sample: about the cube root of the size, which makes sample and gathered part alike in size.
-fn step(pixels: usize, width: usize) -> usize {
-    let least = (pixels as f64).cbrt() as usize;
-    (least..).find(|&step| coprime(step, width)).unwrap_or(1)
+/// The cube root of the size, but for a factor: this balances the sample against what it leaves to gather.
+fn least_step(pixels: usize) -> usize {
+    (2.0 * (pixels as f64).cbrt()) as usize
 }
 
 fn coprime(mut a: usize, mut b: usize) -> bool {
@@ -155,12 +146,13 @@ fn gather<T: Pixel, P: Pack>(pack: P, pixels: &[T], bounds: [T::Key; 2], inside:
     let mut gathered = Gathered { below: 0, inside: 0, doubt: false };
     let (chunks, rest) = pixels.as_chunks::<CHUNK>();
     for chunk in chunks {
-        if let Some(out) = inside[gathered.inside..].first_chunk_mut() {
-            let packed = T::pack(pack, chunk, bounds, out);
-            gathered.inside += packed.inside;
-            gathered.below += packed.below;
-            gathered.doubt |= packed.doubt;
-        }
+        let Some(out) = inside[gathered.inside..].first_chunk_mut() else {
+            unreachable!("the buffer has a chunk more than there are pixels")
+        };
+        let packed = T::pack(pack, chunk, bounds, out);
+        gathered.inside += packed.inside;
+        gathered.below += packed.below;
+        gathered.doubt |= packed.doubt;
     }
     for &pixel in rest {
         inside[gathered.inside] = pixel;
