@@ -9,6 +9,9 @@ use super::scalars::{name, real, whole};
 use crate::error::Error;
 use crate::threshold::{self as kernel, Method, Wanted, Workspace};
 
+/// Pixels of an image up to which its buffers are kept: enough for 3840 x 2160.
+const KEPT: usize = 1 << 23;
+
 thread_local! {
     /// The buffers of this thread's last call.
     static WORKSPACE: Cell<Workspace> = Cell::default();
@@ -51,6 +54,8 @@ pub fn threshold(
             py.detach(|| kernel::threshold(pixels, shape, wanted, stride, method, &mut workspace))
         }
     };
-    WORKSPACE.set(workspace);
+    if shape.pixels() <= KEPT {
+        WORKSPACE.set(workspace);
+    }
     Ok(result?)
 }

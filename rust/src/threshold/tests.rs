@@ -61,7 +61,7 @@ impl Content {
                 Ties => {
                     [0.0, -0.0, 0.5, 1.0, 1.0, 2.0, f32::MAX, f32::from_bits(1)][(noise * 8.0) as usize % 8]
                 }
-                Plateau if at % 2 == 0 => 0.6,
+                Plateau if at.is_multiple_of(2) => 0.6,
                 Plateau => noise,
                 AllEqual => 0.25,
                 Denormals => f32::from_bits((noise * 1000.0) as u32),
@@ -190,7 +190,7 @@ fn a_large_image_is_narrowed_several_times() {
     let mut workspace = Workspace::default();
     for (seed, &content) in CONTENTS.iter().enumerate() {
         let pixels = content.pixels(320 * 240, 320, seed as u64);
-        for wanted in [1, 23_040, 76_700, 1_000_000] {
+        for wanted in [1, 23_040, 1_000_000] {
             check(&pixels, 320, wanted, &mut workspace);
         }
     }
