@@ -1,6 +1,6 @@
 //! The check that every pixel is a relevance: finite and not negative.
 
-use super::pixel::Pixel;
+use super::pixel::{Key, Pixel};
 use crate::error::{Error, Result};
 use crate::shape::Shape;
 use crate::simd::{Kernel, Simd};
@@ -29,16 +29,26 @@ impl<T: Pixel> Kernel for FirstBad<'_, T> {
     #[inline(always)]
     fn run(self) -> Option<usize> {
         for (index, block) in self.0.chunks(BLOCK).enumerate() {
-            let mut bad = T::Key::default();
+            let mut doubt = T::Key::default();
             for pixel in block {
-                bad |= T::Key::from(!pixel.valid());
+                doubt |= pixel.key().doubt();
             }
-            if bad != T::Key::default() {
+            // What is in doubt may be a -0.0, which is valid and may come in numbers.
+            if doubt < T::Key::default() && any_bad(block) {
                 return block.iter().position(|p| !p.valid()).map(|at| index * BLOCK + at);
             }
         }
         None
     }
+}
+
+#[inline(always)]
+fn any_bad<T: Pixel>(block: &[T]) -> bool {
+    let mut bad = T::Key::default();
+    for pixel in block {
+        bad |= T::Key::from(!pixel.valid());
+    }
+    bad != T::Key::default()
 }
 
 /// Pixels between two looks at the result.
