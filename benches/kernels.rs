@@ -8,7 +8,7 @@ use motorprime::gibbs::Gibbs;
 use motorprime::kernel::{Kernel, Trajectory, Widths};
 use motorprime::mlp::{Mlp, Scale, Weights, Workspace};
 use motorprime::rng::{Xoshiro256PlusPlus, uniform};
-use motorprime::threshold::{Method, Wanted, threshold};
+use motorprime::threshold::{Method, Wanted, Workspace, threshold};
 use motorprime::{Shape, parallel};
 
 /// A reach across the image, in a gentle arc.
@@ -84,8 +84,10 @@ fn thresholds(c: &mut Criterion) {
     for (content, pixels) in [("landscape", &trajectory), ("noise", &noise)] {
         for (size, stride) in [("4,800 px", 4), ("76,800 px", 1)] {
             for (name, method) in [("select", Method::Select), ("quicksort", Method::Quicksort)] {
+                let mut workspace = Workspace::default();
                 c.bench_function(&format!("threshold/{name}, {content}, {size}"), |b| {
-                    b.iter(|| threshold(black_box(pixels), shape, Wanted::Fraction(0.3), stride, method));
+                    let wanted = Wanted::Fraction(0.3);
+                    b.iter(|| threshold(black_box(pixels), shape, wanted, stride, method, &mut workspace));
                 });
             }
         }

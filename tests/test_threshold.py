@@ -1,6 +1,10 @@
 """The threshold: its definition, and its two methods as each other's oracle."""
 
 import math
+import os
+import subprocess
+import sys
+import threading
 
 import numpy as np
 import pytest
@@ -167,3 +171,103 @@ def test_a_pixel_that_is_no_relevance_is_named(dtype, bad):
 def test_a_landscape_of_zeros_is_an_error():
     with pytest.raises(motorprime.errors.ArgumentError, match="landscape is zero everywhere"):
         threshold(np.zeros((4, 5), dtype=np.float32), fraction=0.5)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("method", ["select", "quicksort"])
+@pytest.mark.parametrize("shape", [(12, 17), (240, 320)])
+def test_with_a_stride_only_the_pixels_that_are_read_are_checked(shape, method, dtype):
+    landscape = np.full(shape, math.nan, dtype=dtype)
+    landscape[::4, ::4] = np.random.default_rng(5).uniform(size=shape)[::4, ::4]
+    expected = reference.threshold(landscape[::4, ::4], fraction=0.3)
+    assert threshold(landscape, fraction=0.3, stride=4, method=method) == expected
+    landscape[8, 12] = math.nan
+    with pytest.raises(
+        motorprime.errors.ArgumentError, match=r"landscape must be finite.*landscape\[8, 12\]"
+    ):
+        threshold(landscape, fraction=0.3, stride=4, method=method)
+
+
+@pytest.mark.parametrize("method", ["select", "quicksort"])
+def test_minus_zero_is_a_zero(method):
+    landscape = np.full((60, 70), -0.0, dtype=np.float32)
+    with pytest.raises(motorprime.errors.ArgumentError, match="landscape is zero everywhere"):
+        threshold(landscape, fraction=0.5, method=method)
+    landscape[30, 40] = 0.25
+    landscape[::2] += 0.0
+    assert threshold(landscape, fraction=0.5, method=method) == 0.25
+
+
+def adversaries():
+    """Full-size landscapes whose content is hard on a selection by sampling."""
+    rng = np.random.default_rng(7)
+    noise = rng.random((240, 320), dtype=np.float32)
+    plateau = noise.copy()
+    plateau[:, ::2] = 0.65
+    single = np.zeros_like(noise)
+    single[100, 7] = 1
+    return {
+        "noise": noise,
+        "plateau": plateau,
+        "columns": np.tile(np.arange(320, dtype=np.float32), (240, 1)),
+        "one pixel": single,
+        "all but one": np.float32(1) - single,
+        "denormals": (noise * 1e-42).astype(np.float32),
+        "magnitudes": np.exp(170 * noise - 85).astype(np.float32),
+        "minus zeros": np.where(noise < 0.7, np.float32(-0.0), noise),
+        "largest": np.where(noise < 0.7, noise, np.finfo(np.float32).max),
+    }
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("name", adversaries())
+def test_hard_contents(name, dtype):
+    landscape = adversaries()[name].astype(dtype)
+    for fraction in (1e-9, 0.001, 0.3, 0.5, 0.7, 0.999, 1.0):
+        for stride in (1, 2, 3, 4):
+            if landscape[::stride, ::stride].any():
+                d = threshold(landscape, fraction=fraction, stride=stride)
+                assert d == reference.threshold(landscape[::stride, ::stride], fraction=fraction)
+
+
+def test_a_thread_and_a_size_do_not_disturb_another():
+    rng = np.random.default_rng(9)
+    landscapes = [rng.random((h, w)) for h, w in [(5, 7), (240, 320), (64, 48)]]
+    landscapes += [landscape.astype(np.float32) for landscape in landscapes]
+    expected = [reference.threshold(landscape, fraction=0.3) for landscape in landscapes]
+    wrong = []
+
+    def run():
+        for _ in range(30):
+            found = [threshold(landscape, fraction=0.3) for landscape in landscapes]
+            if found != expected:
+                wrong.append(found)
+
+    threads = [threading.Thread(target=run) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+ON_A_SET = """
+import numpy as np
+from motorprime.landscape import threshold
+noise = np.random.default_rng(3).random((240, 320))
+for dtype in (np.float32, np.float64):
+    for stride in (1, 3, 4):
+        print(threshold(noise.astype(dtype), fraction=0.3, stride=stride).hex())
+"""
+
+
+def test_every_instruction_set_gives_the_same_number():
+    def on(simd):
+        environment = {**os.environ, "MOTORPRIME_SIMD": simd}
+        done = subprocess.run(
+            [sys.executable, "-c", ON_A_SET], env=environment, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert on("baseline") == on("avx2") == on("avx512") != ""

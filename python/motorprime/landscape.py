@@ -211,20 +211,21 @@ def threshold(
     of 320 x 240.
 
     Args:
-        landscape: (H, W) float32 or float64, finite and >= 0.
+        landscape: (H, W) float32 or float64. The pixels that are read must be finite and >= 0.
         fraction: Wanted share of the pixels in (0, 1]: ``ceil(fraction * size - 1e-9)`` of them.
         count: Wanted number of pixels, at least 1. Exactly one of ``fraction`` and ``count`` is given.
         method: "select" finds the one value; "quicksort" sorts all of them, as the paper does. Both give
             the same number.
-        stride: Reads ``landscape[::stride, ::stride]`` only, for an approximate answer. ``count`` still
-            counts pixels of the full image: it is divided by stride^2 and rounded up.
+        stride: Reads ``landscape[::stride, ::stride]`` only, for an approximate answer; no other pixel is
+            looked at, nor checked. ``count`` still counts pixels of the full image: it is divided by stride^2
+            and rounded up.
 
     Returns:
         The threshold d > 0, exactly one of the pixel values.
 
     Raises:
-        ArgumentError: The landscape (or its subsample) is zero everywhere, has a pixel that is negative or
-            not finite, or another argument is outside its domain.
+        ArgumentError: Of the pixels that are read, one is negative or not finite or all are zero, or another
+            argument is outside its domain.
         ArgumentTypeError: An argument has the wrong type or dtype.
     """
     return _core.threshold(landscape, fraction, count, method, stride)

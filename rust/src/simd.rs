@@ -58,6 +58,11 @@ impl Simd {
         }
     }
 
+    /// The set itself, for the few things that a plain loop cannot say.
+    pub(crate) fn arch(self) -> Arch {
+        self.0
+    }
+
     /// Runs the work on this set.
     #[inline]
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {

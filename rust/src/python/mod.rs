@@ -6,6 +6,7 @@ mod landscape;
 mod mlp;
 mod sampling;
 mod scalars;
+mod threshold;
 
 use pyo3::prelude::*;
 
@@ -17,5 +18,7 @@ mod _core {
     #[pymodule_export]
     use super::mlp::Mlp;
     #[pymodule_export]
-    use super::sampling::{gibbs_sample, threshold};
+    use super::sampling::gibbs_sample;
+    #[pymodule_export]
+    use super::threshold::threshold;
 }

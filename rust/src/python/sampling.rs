@@ -1,52 +1,13 @@
-//! Bindings of the threshold and of the Gibbs sampler.
+//! Binding of the Gibbs sampler.
 
 use numpy::PyArray2;
 use pyo3::prelude::*;
 
 use super::arrays::{Image, empty, image, release};
-use super::scalars::{name, pair, real, whole};
+use super::scalars::{pair, whole};
 use crate::error::Error;
 use crate::gibbs::Gibbs;
 use crate::rng::Xoshiro256PlusPlus;
-use crate::threshold::{self as kernel, Method, Wanted};
-
-/// The largest d that leaves the wanted number of pixels at or above it.
-#[pyfunction]
-#[pyo3(signature = (landscape, fraction, count, method, stride, /))]
-pub fn threshold(
-    py: Python<'_>,
-    landscape: &Bound<'_, PyAny>,
-    fraction: Option<&Bound<'_, PyAny>>,
-    count: Option<&Bound<'_, PyAny>>,
-    method: &Bound<'_, PyAny>,
-    stride: &Bound<'_, PyAny>,
-) -> PyResult<f64> {
-    let wanted = match (fraction, count) {
-        (Some(fraction), None) => Wanted::Fraction(real("fraction", fraction)?),
-        (None, Some(count)) => Wanted::Count(whole("count", count, 1)?),
-        (None, None) => {
-            return Err(Error::conflict("fraction", "or count must be given").into());
-        }
-        (Some(_), Some(_)) => {
-            let reason = "and count must not both be given";
-            return Err(Error::conflict("fraction", reason).into());
-        }
-    };
-    let method = name("method", method, Method::named)?;
-    let stride = usize::try_from(whole("stride", stride, 1)?).unwrap_or(usize::MAX);
-    let (image, shape) = image("landscape", landscape)?;
-    let result = match &image {
-        Image::Single(array) => {
-            let pixels = array.as_slice()?;
-            py.detach(|| kernel::threshold(pixels, shape, wanted, stride, method))
-        }
-        Image::Double(array) => {
-            let pixels = array.as_slice()?;
-            py.detach(|| kernel::threshold(pixels, shape, wanted, stride, method))
-        }
-    };
-    Ok(result?)
-}
 
 /// Sweeps between two looks at pending signals, so that Ctrl-C ends a long chain.
 const SWEEPS: u64 = 1 << 14;
