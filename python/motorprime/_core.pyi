@@ -8,11 +8,13 @@ import numpy.typing as npt
 
 __all__ = [
     "Mlp",
+    "attention_step",
     "gaussian_landscape",
     "gaussian_landscapes",
     "gibbs_sample",
     "kernel_landscape",
     "kernel_landscapes",
+    "sample",
     "threshold",
 ]
 
@@ -62,9 +64,31 @@ def threshold(
     landscape: _Array, fraction: float | None, count: int | None, method: str, stride: int, /
 ) -> float: ...
 def gibbs_sample(
-    landscape: _Array, n: int, seed: int, start: tuple[int, int] | None, burn_in: int, thin: int, /
+    landscape: _Array,
+    n: int,
+    seed: int,
+    start: tuple[int, int] | None,
+    burn_in: int,
+    thin: int,
+    out: npt.NDArray[np.int32] | None,
+    /,
 ) -> npt.NDArray[np.int32]: ...
-
+def sample(
+    landscape: _Array, n: int, seed: int, min_distance: float, out: npt.NDArray[np.int32] | None, /
+) -> npt.NDArray[np.int32]: ...
+def attention_step(
+    cameras: list[tuple[str, Any, tuple[int, int], float, _Landscape, Any]],
+    points: _Rows | None,
+    joints: _Numbers | None,
+    kernel: str,
+    cutoff: float,
+    mixing: float,
+    fraction: float | None,
+    count: int | None,
+    seed: int,
+    threads: bool,
+    /,
+) -> list[float | bool | None]: ...
 @final
 class Mlp:
     """A small feed-forward network: tanh on every layer but the last, which is linear."""

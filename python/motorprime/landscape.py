@@ -28,6 +28,7 @@ __all__ = [
     "gibbs_sample",
     "kernel_landscape",
     "kernel_landscapes",
+    "sample",
     "threshold",
 ]
 
@@ -239,6 +240,7 @@ def gibbs_sample(
     start: tuple[int, int] | None = None,
     burn_in: int = 0,
     thin: int = 1,
+    out: npt.NDArray[np.int32] | None = None,
 ) -> npt.NDArray[np.int32]:
     """Pixels drawn from a landscape by Gibbs sampling, as centres of scanning windows.
 
@@ -260,16 +262,55 @@ def gibbs_sample(
         start: Pixel (u, v) from which the first sweep begins; None for an exact draw from the landscape.
         burn_in: Number of sweeps to drop at the beginning, of use with a ``start``.
         thin: Keeps every thin-th sweep only: ``burn_in + n * thin`` sweeps in all.
+        out: (n, 2) C-contiguous int32 array to write to, instead of a new one.
 
     Returns:
-        (n, 2) int32 pixels (u, v), all of them on positive pixels of the landscape.
+        (n, 2) int32 pixels (u, v), all of them on positive pixels of the landscape; ``out`` itself if it was
+        given.
 
     Raises:
         ArgumentError: The landscape is zero everywhere or has a pixel that is negative or not finite, the
             start is outside the image or on a row of zeros, or another argument is outside its domain.
         ArgumentTypeError: An argument has the wrong type or dtype.
     """
-    return _core.gibbs_sample(landscape, n, _seed(seed), start, burn_in, thin)
+    return _core.gibbs_sample(landscape, n, random_bits(seed), start, burn_in, thin, out)
+
+
+def sample(
+    landscape: npt.NDArray[np.floating[Any]],
+    n: int,
+    *,
+    seed: Seed = None,
+    min_distance: float = 0.0,
+    out: npt.NDArray[np.int32] | None = None,
+) -> npt.NDArray[np.int32]:
+    """Pixels drawn from a landscape independently of each other, as centres of scanning windows.
+
+    Every pixel is drawn with probability proportional to its value, exactly and without a chain: the modes of
+    a landscape get their share in every call. One number of the generator makes one sample, by inverse
+    transform sampling over blocks.
+
+    With a ``min_distance`` the windows do not crowd: each sample is drawn from the pixels that are at least so
+    far from all samples before it, again in proportion to their values.
+
+    Args:
+        landscape: (H, W) float32 or float64, finite and >= 0, not zero everywhere. Computed in float32.
+        n: Number of samples; 0 gives an empty array.
+        seed: As in :func:`gibbs_sample`.
+        min_distance: Smallest distance between samples [px], from centre to centre; 0 sets none and a pixel
+            may be drawn twice.
+        out: (n, 2) C-contiguous int32 array to write to, instead of a new one.
+
+    Returns:
+        (n, 2) int32 pixels (u, v). Fewer rows where no positive pixel is left at that distance; then it is the
+        beginning of ``out`` if that was given.
+
+    Raises:
+        ArgumentError: The landscape is zero everywhere or has a pixel that is negative or not finite, or
+            another argument is outside its domain.
+        ArgumentTypeError: An argument has the wrong type or dtype.
+    """
+    return _core.sample(landscape, n, random_bits(seed), min_distance, out)
 
 
 def _seed(seed: Seed) -> int:

@@ -1,11 +1,9 @@
 //! Gibbs sampling of a landscape with inverse-transform look-up tables (Section IV-B).
 
 use crate::error::{Error, Result};
-use crate::masses::Masses;
+use crate::masses::{Landscape, Masses};
 use crate::rng::{Xoshiro256PlusPlus, uniform};
-use crate::shape::Shape;
 use crate::simd::{Kernel, Simd};
-use crate::support::Support;
 
 /// A chain over the pixels of a landscape. One sweep draws `u` from the row, then `v` from the column.
 #[derive(Debug)]
@@ -42,20 +40,13 @@ impl Schedule {
 }
 
 impl<'a> Gibbs<'a> {
-    /// Checks and sums the landscape in one pass, where there is a support only within it. The chain stands
-    /// nowhere until one of the starts is called.
+    /// Checks and sums the landscape in one pass. The chain stands nowhere until one of the starts is called.
     ///
     /// # Errors
     /// A pixel that is negative or not finite, or a landscape that is zero everywhere.
-    pub fn new(
-        simd: Simd,
-        landscape: &'a [f32],
-        shape: Shape,
-        support: Option<&Support>,
-        masses: &'a mut Masses,
-    ) -> Result<Self> {
-        masses.scan(simd, landscape, shape, support)?;
-        Ok(Self { simd, landscape, masses, v: 0 })
+    pub fn new(simd: Simd, landscape: Landscape<'a>, masses: &'a mut Masses) -> Result<Self> {
+        masses.scan(simd, landscape)?;
+        Ok(Self { simd, landscape: landscape.pixels, masses, v: 0 })
     }
 
     /// Starts at pixel (u, v). A sweep begins with a draw of `u`, so only the row matters.
@@ -129,6 +120,7 @@ impl Kernel for Sweeps<'_, '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shape::Shape;
 
     #[test]
     fn a_chain_visits_pixels_by_their_mass_and_no_other() {
@@ -136,7 +128,8 @@ mod tests {
         let shape = Shape::new(2, 3).unwrap();
         let mut rng = Xoshiro256PlusPlus::new(3);
         let mut masses = Masses::default();
-        let mut chain = Gibbs::new(Simd::best(), &pixels, shape, None, &mut masses).unwrap();
+        let landscape = Landscape { pixels: &pixels, shape, support: None };
+        let mut chain = Gibbs::new(Simd::best(), landscape, &mut masses).unwrap();
         chain.start_drawn(&mut rng);
         let mut out = vec![0; 400_000];
         assert_eq!(chain.run(&mut rng, u64::MAX, &mut Schedule::new(0, 1), &mut out), 200_000);
@@ -166,7 +159,8 @@ mod tests {
         let pixels = [0.0, 0.0, 1.0, 0.0];
         let mut masses = Masses::default();
         let shape = Shape::new(2, 2).unwrap();
-        let mut chain = Gibbs::new(Simd::best(), &pixels, shape, None, &mut masses).unwrap();
+        let landscape = Landscape { pixels: &pixels, shape, support: None };
+        let mut chain = Gibbs::new(Simd::best(), landscape, &mut masses).unwrap();
         assert!(chain.start_at([0, 0]).is_err());
         assert!(chain.start_at([1, 1]).is_ok());
         assert!(chain.start_at([2, 1]).is_err());

@@ -13,6 +13,17 @@ use crate::threshold::check_pixels;
 /// Pixels of a block along its line.
 const BLOCK: usize = 16;
 
+/// A landscape to draw from.
+#[derive(Clone, Copy, Debug)]
+pub struct Landscape<'a> {
+    /// Its pixels, row-major.
+    pub pixels: &'a [f32],
+    /// Its size.
+    pub shape: Shape,
+    /// Where it may be positive, if that is known: the rest is not even read.
+    pub support: Option<&'a Support>,
+}
+
 /// Sums over one landscape. For a landscape no larger than the ones before nothing is allocated.
 #[derive(Clone, Debug, Default)]
 pub struct Masses {
@@ -28,17 +39,12 @@ pub struct Masses {
 }
 
 impl Masses {
-    /// Sums a landscape, where there is a support only within it, and checks every pixel that it sums.
+    /// Sums a landscape and checks every pixel that it sums.
     ///
     /// # Errors
     /// A pixel that is negative or not finite, or a landscape that is zero everywhere.
-    pub(crate) fn scan(
-        &mut self,
-        simd: Simd,
-        landscape: &[f32],
-        shape: Shape,
-        support: Option<&Support>,
-    ) -> Result<()> {
+    pub(crate) fn scan(&mut self, simd: Simd, landscape: Landscape<'_>) -> Result<()> {
+        let Landscape { pixels: landscape, shape, support } = landscape;
         shape.check("landscape", landscape.len())?;
         (self.width, self.height) = (shape.width(), shape.height());
         let (down, across) = (self.height.div_ceil(BLOCK), self.width.div_ceil(BLOCK));
@@ -345,13 +351,18 @@ mod tests {
                 let mut pixels = vec![1.0; shape.pixels()];
                 pixels[at] = bad;
                 for simd in Simd::all() {
-                    let error = Masses::default().scan(simd, &pixels, shape, None).unwrap_err().to_string();
+                    let error = Masses::default()
+                        .scan(simd, Landscape { pixels: &pixels, shape, support: None })
+                        .unwrap_err()
+                        .to_string();
                     assert!(error.ends_with(&format!("at landscape[{}, {}]", at / 37, at % 37)), "{error}");
                 }
             }
         }
         let zeros = vec![-0.0; shape.pixels()];
-        let error = Masses::default().scan(Simd::best(), &zeros, shape, None).unwrap_err();
+        let error = Masses::default()
+            .scan(Simd::best(), Landscape { pixels: &zeros, shape, support: None })
+            .unwrap_err();
         assert!(error.to_string().contains("zero everywhere"));
     }
 }

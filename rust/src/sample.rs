@@ -1,11 +1,10 @@
 //! Independent samples of a landscape, exact and without a chain; at will with a distance between them.
 
 use crate::error::{Error, Result};
-use crate::masses::Masses;
+use crate::masses::{Landscape, Masses};
 use crate::rng::{Xoshiro256PlusPlus, uniform};
 use crate::shape::Shape;
 use crate::simd::{Kernel, Simd};
-use crate::support::Support;
 
 /// Draws in a row that may fall too near to earlier samples before the places that are left are summed anew.
 const REFUSALS: u32 = 32;
@@ -31,9 +30,7 @@ pub struct Workspace {
 /// `min_distance` that is negative or not finite.
 pub fn sample(
     simd: Simd,
-    landscape: &[f32],
-    shape: Shape,
-    support: Option<&Support>,
+    landscape: Landscape<'_>,
     min_distance: f64,
     rng: &mut Xoshiro256PlusPlus,
     workspace: &mut Workspace,
@@ -42,12 +39,12 @@ pub fn sample(
     if !(0.0..f64::INFINITY).contains(&min_distance) {
         return Err(Error::scalar("min_distance", "finite and >= 0", min_distance));
     }
-    workspace.masses.scan(simd, landscape, shape, support)?;
+    workspace.masses.scan(simd, landscape)?;
     if min_distance == 0.0 {
         let masses = &mut workspace.masses;
-        return Ok(simd.run(Draws { landscape, masses, rng, out }));
+        return Ok(simd.run(Draws { landscape: landscape.pixels, masses, rng, out }));
     }
-    workspace.apart(simd, landscape, shape, min_distance, rng, out)
+    workspace.apart(simd, landscape, min_distance, rng, out)
 }
 
 struct Draws<'a> {
@@ -77,12 +74,12 @@ impl Workspace {
     fn apart(
         &mut self,
         simd: Simd,
-        landscape: &[f32],
-        shape: Shape,
+        landscape: Landscape<'_>,
         distance: f64,
         rng: &mut Xoshiro256PlusPlus,
         out: &mut [i32],
     ) -> Result<usize> {
+        let Landscape { pixels: landscape, shape, .. } = landscape;
         let Self { masses, taken, left } = self;
         taken.clear();
         taken.resize(shape.pixels(), false);
@@ -95,7 +92,7 @@ impl Workspace {
                 if left.iter().all(|&p| p == 0.0) {
                     break;
                 }
-                masses.scan(simd, left, shape, None)?;
+                masses.scan(simd, Landscape { pixels: left, shape, support: None })?;
                 (renewed, refusals) = (true, 0);
             }
             let source = if renewed { &left[..] } else { landscape };

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
 use crate::gibbs::{Gibbs, Schedule};
 use crate::kernel::{self, Kernel, Trajectory, Widths};
-use crate::masses::Masses;
+use crate::masses::{Landscape, Masses};
 use crate::mlp::{self, Mlp};
 use crate::parallel;
 use crate::rng::Xoshiro256PlusPlus;
@@ -153,7 +153,9 @@ impl View<'_> {
             Look::Windows(centres) => {
                 let Workspace { masses, support, .. } = workspace;
                 let mut rng = Xoshiro256PlusPlus::new(self.seed);
-                let mut chain = Gibbs::new(simd, self.landscape, self.shape, Some(support), masses)?;
+                let landscape =
+                    Landscape { pixels: self.landscape, shape: self.shape, support: Some(support) };
+                let mut chain = Gibbs::new(simd, landscape, masses)?;
                 chain.start_drawn(&mut rng);
                 chain.run(&mut rng, u64::MAX, &mut Schedule::new(0, 1), centres);
                 Ok(Sight::Seen(None))

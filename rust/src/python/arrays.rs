@@ -204,22 +204,23 @@ pub fn output<'py>(
     }
 }
 
-/// Borrows the caller's array to write to: float32, of this shape, and apart from the inputs in memory.
-pub fn writable<'py, D: Dimension>(
+/// Borrows the caller's array to write to: of this dtype and shape, and apart from the inputs in memory.
+pub fn writable<'py, T: Element, D: Dimension>(
     argument: impl Into<Argument>,
     out: &Bound<'py, PyAny>,
     shape: &[usize],
     inputs: &[&Bound<'py, PyAny>],
-) -> PyResult<PyReadwriteArray<'py, f32, D>> {
+) -> PyResult<PyReadwriteArray<'py, T, D>> {
     let argument = argument.into();
-    let expected = || format!("a writable C-contiguous float32 array of shape {}", format_shape(shape));
+    let dtype = numpy::dtype::<T>(out.py());
+    let expected = || format!("a writable C-contiguous {dtype} array of shape {}", format_shape(shape));
     let wrong =
         |found: &str| -> PyErr { Error::shape(argument.clone(), expected(), found.to_owned()).into() };
     let Ok(untyped) = out.cast::<PyUntypedArray>() else {
         return Err(wrong_type(argument.clone(), expected(), out));
     };
-    let Ok(array) = out.cast::<PyArray<f32, D>>() else {
-        if untyped.dtype().is_equiv_to(&numpy::dtype::<f32>(out.py())) {
+    let Ok(array) = out.cast::<PyArray<T, D>>() else {
+        if untyped.dtype().is_equiv_to(&dtype) {
             return Err(wrong(&format_shape(untyped.shape())));
         }
         return Err(wrong_type(argument.clone(), expected(), out));

@@ -1,5 +1,7 @@
 //! Bindings of the two landscapes, one at a time and side by side.
 
+use std::cell::Cell;
+
 use numpy::{PyArray2, PyReadwriteArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
@@ -7,13 +9,36 @@ use pyo3::types::{PyList, PyTuple};
 use super::arrays::{Numbers, empty_images, list, numbers, output, release, rows, vector};
 use super::errors::{format_shape, wrong_type};
 use super::scalars::{name, real, shape as image_shape};
+use super::scratch;
 use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
-use crate::kernel::{Kernel, Trajectory, Widths};
+use crate::kernel::{Kernel, Trajectory, Widths, Workspace};
 use crate::parallel;
 use crate::shape::Shape;
+use crate::support::Support;
 
 type Landscape<'py> = Bound<'py, PyArray2<f32>>;
+
+/// Buffers of one landscape.
+#[derive(Default)]
+struct Buffers {
+    kernel: Workspace,
+    support: Support,
+}
+
+thread_local! {
+    static BUFFERS: Cell<Vec<Buffers>> = Cell::default();
+}
+
+/// Does some work with the buffers of `count` landscapes.
+fn with_buffers<T>(count: usize, shape: Shape, work: impl FnOnce(&mut [Buffers]) -> T) -> T {
+    scratch::with(&BUFFERS, count.saturating_mul(shape.pixels()), |buffers| {
+        if buffers.len() < count {
+            buffers.resize_with(count, Buffers::default);
+        }
+        work(&mut buffers[..count])
+    })
+}
 
 /// A Gaussian inside its ellipse.
 #[pyfunction]
@@ -36,7 +61,7 @@ pub fn gaussian_landscape<'py>(
     };
     let mut out = output("out", out, shape, &[mean, chol], py)?;
     let pixels = out.as_slice_mut()?;
-    py.detach(|| gaussian.landscape(shape, pixels))?;
+    with_buffers(1, shape, |b| py.detach(|| gaussian.landscape(shape, &mut b[0].support, pixels)))?;
     Ok(release(out))
 }
 
@@ -64,12 +89,12 @@ pub fn gaussian_landscapes<'py>(
         centres.into_iter().zip(factors).map(|(mean, chol)| Gaussian { mean, chol, cutoff, mixing });
     let gaussians: Vec<Gaussian> = gaussians.collect();
     let mut outs = outputs(out, gaussians.len(), shape, &[means, chols], py)?;
-    all(py, &mut outs, |i, pixels| {
+    all(py, shape, &mut outs, |i, buffers, pixels| {
         let in_batch = |name: &str| match name {
             "mean" | "chol" => format!("{name}s[{i}]"),
             _ => name.into(),
         };
-        gaussians[i].landscape(shape, pixels).map_err(|e| e.renamed(in_batch))
+        gaussians[i].landscape(shape, &mut buffers.support, pixels).map_err(|e| e.renamed(in_batch))
     })?;
     Ok(outs.into_iter().map(release).collect())
 }
@@ -92,7 +117,7 @@ pub fn kernel_landscape<'py>(
     let inputs: Vec<&Bound<'py, PyAny>> = [points, width].into_iter().chain(weights).collect();
     let mut out = output("out", out, shape, &inputs, py)?;
     let pixels = out.as_slice_mut()?;
-    py.detach(|| trajectory.landscape(kernel, shape, pixels))?;
+    with_buffers(1, shape, |b| py.detach(|| trajectory.landscape(kernel, shape, &mut b[0], pixels)))?;
     Ok(release(out))
 }
 
@@ -131,7 +156,9 @@ pub fn kernel_landscapes<'py>(
     let inputs: Vec<&Bound<'py, PyAny>> =
         points.iter().chain(&each_width).chain(each_weights.iter().flatten()).collect();
     let mut outs = outputs(out, points.len(), shape, &inputs, py)?;
-    all(py, &mut outs, |i, pixels| trajectories[i].landscape(kernel, shape, pixels))?;
+    all(py, shape, &mut outs, |i, buffers, pixels| {
+        trajectories[i].landscape(kernel, shape, buffers, pixels)
+    })?;
     Ok(outs.into_iter().map(release).collect())
 }
 
@@ -161,14 +188,15 @@ impl Points {
         Ok(Self { points, width, weights, names })
     }
 
-    fn landscape(&self, kernel: Kernel, shape: Shape, out: &mut [f32]) -> Result<()> {
+    fn landscape(&self, kernel: Kernel, shape: Shape, buffers: &mut Buffers, out: &mut [f32]) -> Result<()> {
         let widths = match &self.width {
             Width::Common(pair) => Widths::Common(*pair),
             Width::PerPoint(pairs) => Widths::PerPoint(pairs),
         };
         let weights = self.weights.as_deref();
         let trajectory = Trajectory { points: &self.points, widths, kernel, weights };
-        trajectory.landscape(shape, out).map_err(|e| {
+        let Buffers { kernel, support } = buffers;
+        trajectory.landscape(shape, kernel, support, out).map_err(|e| {
             e.renamed(|name| match name {
                 "points" => self.names[0].clone(),
                 "width" => self.names[1].clone(),
@@ -249,16 +277,21 @@ fn outputs<'py>(
 /// Runs the work on every output at once, detached from the interpreter; the first error in order wins.
 fn all(
     py: Python<'_>,
+    shape: Shape,
     outs: &mut [PyReadwriteArray2<'_, f32>],
-    work: impl Fn(usize, &mut [f32]) -> Result<()> + Sync,
+    work: impl Fn(usize, &mut Buffers, &mut [f32]) -> Result<()> + Sync,
 ) -> PyResult<()> {
-    let mut tasks = Vec::with_capacity(outs.len());
+    let mut pixels = Vec::with_capacity(outs.len());
     for out in outs {
-        tasks.push((out.as_slice_mut()?, Ok(())));
+        pixels.push(out.as_slice_mut()?);
     }
-    py.detach(|| {
-        parallel::for_each(&mut tasks, |i, (pixels, result)| *result = work(i, pixels));
-        tasks.into_iter().try_for_each(|(_, result)| result)
+    with_buffers(pixels.len(), shape, |buffers| {
+        let tasks = pixels.into_iter().zip(buffers).map(|(pixels, buffers)| (pixels, buffers, Ok(())));
+        let mut tasks: Vec<_> = tasks.collect();
+        py.detach(|| {
+            parallel::for_each(&mut tasks, |i, (pixels, buffers, result)| *result = work(i, buffers, pixels));
+            tasks.into_iter().try_for_each(|(.., result)| result)
+        })
     })?;
     Ok(())
 }

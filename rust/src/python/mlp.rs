@@ -12,15 +12,15 @@ use pyo3::types::{PyList, PyTuple};
 
 use super::arrays::{Numbers, borrowed, created, list, numbers, vector_array, writable};
 use super::errors::{format_shape, wrong_type};
+use super::scratch;
 use crate::error::{Error, Result};
 use crate::mlp::{self as kernel, Scale, Weights, Workspace};
 
 /// A small feed-forward network with tanh layers and a linear last one.
 #[pyclass(frozen, module = "motorprime._core")]
-pub struct Mlp(kernel::Mlp);
+pub struct Mlp(pub(super) kernel::Mlp);
 
 thread_local! {
-    /// Taken for a call and put back after it: a call inside the call finds an empty one and makes its own.
     static WORKSPACE: Cell<Workspace> = Cell::default();
 }
 
@@ -183,15 +183,13 @@ fn filled<'py, I: IntoDimension>(
 ) -> PyResult<Bound<'py, PyArray<f32, I::Dim>>> {
     let shape = shape.into_dimension();
     let mut out = match out {
-        Some(out) => writable::<I::Dim>("out", out, shape.slice(), &[x])?,
+        Some(out) => writable::<f32, I::Dim>("out", out, shape.slice(), &[x])?,
         None => created(x.py(), shape)?.try_readwrite()?,
     };
     let values = out.as_slice_mut()?;
-    let mut space = WORKSPACE.take();
-    let result =
-        if work < SHORT { kernel(&mut space, values) } else { x.py().detach(|| kernel(&mut space, values)) };
-    WORKSPACE.set(space);
-    result?;
+    scratch::with(&WORKSPACE, values.len(), |space| {
+        if work < SHORT { kernel(space, values) } else { x.py().detach(|| kernel(space, values)) }
+    })?;
     Ok((**out).clone())
 }
 

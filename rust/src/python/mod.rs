@@ -6,6 +6,8 @@ mod landscape;
 mod mlp;
 mod sampling;
 mod scalars;
+mod scratch;
+mod step;
 mod threshold;
 
 use pyo3::prelude::*;
@@ -18,7 +20,9 @@ mod _core {
     #[pymodule_export]
     use super::mlp::Mlp;
     #[pymodule_export]
-    use super::sampling::gibbs_sample;
+    use super::sampling::{gibbs_sample, sample};
+    #[pymodule_export]
+    use super::step::attention_step;
     #[pymodule_export]
     use super::threshold::threshold;
 }

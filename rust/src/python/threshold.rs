@@ -6,14 +6,11 @@ use pyo3::prelude::*;
 
 use super::arrays::{Image, image};
 use super::scalars::{name, real, whole};
+use super::scratch;
 use crate::error::Error;
 use crate::threshold::{self as kernel, Method, Wanted, Workspace};
 
-/// Pixels of an image up to which its buffers are kept: enough for 3840 x 2160.
-const KEPT: usize = 1 << 23;
-
 thread_local! {
-    /// The buffers of this thread's last call.
     static WORKSPACE: Cell<Workspace> = Cell::default();
 }
 
@@ -42,20 +39,15 @@ pub fn threshold(
     let method = name("method", method, Method::named)?;
     let stride = usize::try_from(whole("stride", stride, 1)?).unwrap_or(usize::MAX);
     let (image, shape) = image("landscape", landscape)?;
-    // Taken out while in use: a call that comes in between finds an empty one.
-    let mut workspace = WORKSPACE.take();
-    let result = match &image {
+    let result = scratch::with(&WORKSPACE, shape.pixels(), |workspace| match &image {
         Image::Single(array) => {
             let pixels = array.as_slice()?;
-            py.detach(|| kernel::threshold(pixels, shape, wanted, stride, method, &mut workspace))
+            Ok::<_, PyErr>(py.detach(|| kernel::threshold(pixels, shape, wanted, stride, method, workspace)))
         }
         Image::Double(array) => {
             let pixels = array.as_slice()?;
-            py.detach(|| kernel::threshold(pixels, shape, wanted, stride, method, &mut workspace))
+            Ok(py.detach(|| kernel::threshold(pixels, shape, wanted, stride, method, workspace)))
         }
-    };
-    if shape.pixels() <= KEPT {
-        WORKSPACE.set(workspace);
-    }
+    })?;
     Ok(result?)
 }

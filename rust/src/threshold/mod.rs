@@ -157,7 +157,7 @@ impl<T: Pixel> Kernel for LeastPositive<'_, T> {
 
 impl Wanted {
     /// The number of pixels to find among `pixels`.
-    fn of(self, pixels: usize, stride: usize) -> Result<usize> {
+    pub(crate) fn of(self, pixels: usize, stride: usize) -> Result<usize> {
         match self {
             Self::Fraction(fraction) if fraction > 0.0 && fraction <= 1.0 => {
                 // The small term keeps 0.3 * 10 from asking for four pixels.
