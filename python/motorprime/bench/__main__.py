@@ -1,4 +1,4 @@
-"""The child that measures: ``python -m motorprime.bench OPTIONS`` with options, progress and result as JSON."""
+"""The child that measures: ``python -m motorprime.bench OPTIONS``; options, progress and result are JSON."""
 
 from __future__ import annotations
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -13,7 +15,7 @@ from .._core import Mlp
 from . import checks
 from .peers import landscapes, networks, sampling
 from .peers.thresholds import Ranked
-from .scene import CUTOFF, FRACTION, LAYERS, STRIDE, WINDOWS, Network, Scene
+from .scene import CUTOFF, FRACTION, LAYERS, WINDOWS, Network, Scene
 from .timing import Call
 
 SEEDS = range(1, 11)  # of the chains that are compared
@@ -99,7 +101,7 @@ def triangular(scene: Scene, name: str, count: int, pixels: float) -> Case:
         ours,
         checks.close,
         4 * scene.pixels,
-        2 * _covered(scene, points, width),
+        2 * covered(scene, points, width),
         beside={} if name == "triangular" else {"triangular": plan_call(scene, 100, 40.0)},
     )
 
@@ -111,7 +113,7 @@ def plan_call(scene: Scene, count: int, pixels: float) -> Call:
     return lambda: kernels.kernel_landscape(points, scene.shape, width=same_width, out=out)
 
 
-def _covered(scene: Scene, points: Any, width: tuple[float, float]) -> int:
+def covered(scene: Scene, points: Any, width: tuple[float, float]) -> int:
     """Pixels under all the points' kernels."""
     sides = []
     for axis in range(2):
@@ -136,7 +138,7 @@ def gaussian(scene: Scene, name: str) -> Case:
         name,
         "ellipse over a third of the image",
         Contender.plain(ours),
-        {label: Contender.plain(lambda twin=twin: twin(mean, chol)) for label, twin in twins.items()},
+        {label: Contender.plain(partial(twin, mean, chol)) for label, twin in twins.items()},
         ours,
         checks.close,
         4 * scene.pixels,
@@ -233,7 +235,7 @@ def threshold(
         name,
         f"top {FRACTION:.0%} of {ranked.flat.size:,} pixels" + (f", {method}" if stride > 1 else ""),
         Contender.plain(ours),
-        {label: Contender.plain(lambda way=way: way(image)) for label, way in ways.items()},
+        {label: Contender.plain(partial(way, image)) for label, way in ways.items()},
         ours,
         checks.same,
         4 * scene.pixels // stride,
@@ -258,7 +260,7 @@ def mlp(scene: Scene, name: str) -> Case:
         peers["ONNX Runtime"] = Contender.plain(lambda: runtime(x))
     else:
         absent["ONNX Runtime"] = "onnxruntime is not installed"
-    products = sum(before * after for before, after in zip(LAYERS, LAYERS[1:], strict=False))
+    products = sum(before * after for before, after in pairwise(LAYERS))
     return Case(
         name,
         f"{'-'.join(map(str, LAYERS))}, {count} points",

@@ -85,7 +85,7 @@ def distributed(landscape: Floats32, samples: Any) -> str:
     bound = degrees * (1.0 - spread + SIGMAS * spread**0.5) ** 3  # Wilson and Hilferty
     if square <= bound:
         return ""
-    return f"samples are not distributed as the landscape: chi-square {square:.0f}, at most {bound:.0f} by chance"
+    return f"samples do not follow the landscape: chi-square {square:.0f}, at most {bound:.0f} by chance"
 
 
 def _sums(landscape: Floats, rows: Any, columns: Any) -> Floats:

@@ -14,6 +14,7 @@ import numpy as np
 
 from . import suite
 from .cases import Case
+from .copying import Copy
 from .scene import LARGE, SMALL, Scene
 from .timing import FULL, QUICK, Call, Effort, Times, interleave
 from .timing import LARGE as LARGE_EFFORT
@@ -22,6 +23,7 @@ Report = Callable[[int, int, str], None]
 """Told what is done, of how many, and what comes next."""
 
 COPY, OURS = "memcpy", "motorprime"
+DISTURBED = 1.15
 
 
 def measure(names: Sequence[str], seed: int, quick: bool, report: Report) -> dict[str, Any]:
@@ -45,42 +47,57 @@ def measure(names: Sequence[str], seed: int, quick: bool, report: Report) -> dic
     sized = [name for name in names if name in suite.SIZED]
     steps = len(names) + len(sized)
     small, large = Scene(SMALL, seed), Scene(LARGE, seed)
+    copy = Copy(small.landscape)
     flops = _flops(QUICK if quick else FULL)
-    kernels, copies = {}, []
+    timed = {}
     for number, name in enumerate(names):
         report(number, steps, name)
-        entries = []
-        for case in suite.SUITE[name](small):
-            case.check()
-            times = interleave(calls(case, small), QUICK if quick else FULL)
-            copies.append(times[COPY].us.reshape(-1))
-            entries.append((case, entry(case, small, times, flops)))
-        kernels[name] = judged(name, entries)
-    grown, large_copies = {}, []
+        timed[name] = [
+            _timed(case, copy, QUICK if quick else FULL, peers=True) for case in suite.SUITE[name](small)
+        ]
+    timed_large = {}
+    copy = Copy(large.landscape) if sized else copy
     for number, name in enumerate(sized, len(names)):
         report(number, steps, f"{name} at {_label(LARGE)}")
-        seen = []
-        for case in suite.SUITE[name](large):
-            case.check(peers=list(case.peers)[:1])
-            times = interleave(calls(case, large, peers=False), QUICK if quick else LARGE_EFFORT)
-            large_copies.append(times[COPY].us.reshape(-1))
-            seen.append(figures(times))
-        grown[name] = _growth(seen, kernels[name])
+        timed_large[name] = [
+            _timed(case, copy, QUICK if quick else LARGE_EFFORT, peers=False)
+            for case in suite.SUITE[name](large)
+        ]
     report(steps, steps, "")
+    unit, unit_large = _copy_us(timed), _copy_us(timed_large) if timed_large else None
+    kernels = {
+        name: judged(name, [(case, entry(case, small, times, unit, flops)) for case, times in cases])
+        for name, cases in timed.items()
+    }
+    grown = {
+        name: _growth([figures(times, unit_large or unit) for _, times in cases], kernels[name])
+        for name, cases in timed_large.items()
+    }
     return {
         "machine": machine(flops),
         "seed": seed,
         "quick": quick,
-        "memcpy_us": _median(copies),
+        "memcpy_us": unit,
         "kernels": kernels,
-        "sizes": {_label(LARGE): {"memcpy_us": _median(large_copies), "kernels": grown}},
+        "sizes": {_label(LARGE): {"memcpy_us": unit_large, "kernels": grown}},
     }
 
 
-def calls(case: Case, scene: Scene, *, peers: bool = True) -> dict[str, Call]:
+def _timed(case: Case, copy: Call, effort: Effort, *, peers: bool) -> tuple[Case, dict[str, Times]]:
+    """Check, then time. Without peers only the first is checked."""
+    case.check(peers=None if peers else list(case.peers)[:1])
+    return case, interleave(calls(case, copy, peers=peers), effort)
+
+
+def _copy_us(timed: Mapping[str, Sequence[tuple[Case, dict[str, Times]]]]) -> float:
+    """Median of all copies of a run [us]."""
+    copies = [times[COPY].us.reshape(-1) for cases in timed.values() for _, times in cases]
+    return float(np.median(np.concatenate(copies)))
+
+
+def calls(case: Case, copy: Call, *, peers: bool = True) -> dict[str, Call]:
     """All that is timed in turn: the copy of a landscape, the kernel, what stands beside it, its peers."""
-    source, target = scene.landscape, np.empty(scene.shape, np.float32)
-    timed: dict[str, Call] = {COPY: lambda: np.copyto(target, source)}
+    timed: dict[str, Call] = {COPY: copy}
     if case.ours is not None:
         timed[OURS] = case.ours.run
     if peers:
@@ -89,21 +106,26 @@ def calls(case: Case, scene: Scene, *, peers: bool = True) -> dict[str, Call]:
     return timed
 
 
-def figures(times: Mapping[str, Times]) -> dict[str, Any]:
-    """Our time and the ratio to the copy; None where there is no such kernel."""
-    ours, copy = times.get(OURS), times[COPY]
+def figures(times: Mapping[str, Times], unit: float) -> dict[str, Any]:
+    """Our time and its ratio to the run's copy; None where there is no such kernel.
+
+    ``copy_us`` is the copy in the same rounds. Where it is much slower than that of the whole run, something
+    else used the machine.
+    """
+    ours, copy = times.get(OURS), times[COPY].median
     return {
         "ours_us": ours.median if ours else None,
         "spread": _spread(ours) if ours else None,
-        "memcpy_us": copy.median,
-        "memcpy_ratio": ours.over(copy) if ours else None,
+        "memcpy_ratio": ours.median / unit if ours else None,
+        "copy_us": copy,
+        "disturbed": copy > DISTURBED * unit,
     }
 
 
-def entry(case: Case, scene: Scene, times: Mapping[str, Times], flops: float) -> dict[str, Any]:
+def entry(case: Case, scene: Scene, times: Mapping[str, Times], unit: float, flops: float) -> dict[str, Any]:
     """What the JSON says of one case."""
     ours = times.get(OURS)
-    peers = {
+    peers: dict[str, dict[str, Any]] = {
         name: {
             "us": times[f"peer {name}"].median,
             "spread": _spread(times[f"peer {name}"]),
@@ -111,12 +133,12 @@ def entry(case: Case, scene: Scene, times: Mapping[str, Times], flops: float) ->
         }
         for name in case.peers
     }
-    best = min(peers, key=lambda name: peers[name]["us"])
-    memory = times[COPY].median * case.moved / (2 * 4 * scene.pixels)
+    best = min(case.peers, key=lambda name: times[f"peer {name}"].median)
+    memory = unit * case.moved / (2 * 4 * scene.pixels)
     compute = case.operations / flops / 1e3
     return {
         "what": case.what,
-        **figures(times),
+        **figures(times, unit),
         "best_peer": best,
         "best_peer_us": peers[best]["us"],
         "speedup": peers[best]["speedup"],
@@ -134,7 +156,7 @@ def entry(case: Case, scene: Scene, times: Mapping[str, Times], flops: float) ->
 
 
 def judged(name: str, entries: Sequence[tuple[Case, dict[str, Any]]]) -> dict[str, Any]:
-    """A kernel's entry with its targets: the input with the least speedup, and the worse ratio to the copy."""
+    """A kernel's entry with its targets: its input with the least speedup, and the worst ratio."""
     worst = min((seen for _, seen in entries), key=lambda seen: seen["speedup"] or 0.0)
     result = dict(worst)
     if len(entries) > 1:
@@ -163,10 +185,6 @@ def _spread(times: Times) -> dict[str, float]:
     return {"q1": q1, "q3": q3}
 
 
-def _median(parts: Sequence[Any]) -> float | None:
-    return float(np.median(np.concatenate(parts))) if parts else None
-
-
 def _flops(effort: Effort) -> float:
     """Additions and multiplications per nanosecond of a product of matrices: what this core can do."""
     side = 384
@@ -177,7 +195,7 @@ def _flops(effort: Effort) -> float:
 
 def machine(flops: float) -> dict[str, Any]:
     """On what was measured."""
-    blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]  # type: ignore[call-overload,index]
+    blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
     return {
         "cpu": _cpu(),
         "cores": os.cpu_count(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -89,7 +90,7 @@ class Scene:
     def network(self, number: int = 0) -> Network:
         """A random network whose outputs lie in the image; eyes have networks of their own."""
         draw = np.random.default_rng([self.seed, 2, number])
-        pairs = list(zip(LAYERS, LAYERS[1:], strict=False))
+        pairs = list(pairwise(LAYERS))
         height, width = self.shape
         return Network(
             weights=[draw.uniform(-1.0, 1.0, (after, before)) / np.sqrt(before) for before, after in pairs],

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..landscape import gibbs_sample, kernel_landscape
 from . import checks
-from .cases import SEEDS, Case, Contender, _covered, network_of
+from .cases import SEEDS, Case, Contender, covered, network_of
 from .peers.sampling import first_uniforms
 from .peers.step import Step
 from .scene import LAYERS, WINDOWS, Scene
@@ -28,12 +29,10 @@ def attention_step(scene: Scene, name: str) -> Case:
             looks = [step(plan, joints, [draw, draw]) for draw in given]
             return [relevance for relevance, _ in looks[0]], [w for eyes in looks for _, w in eyes]
 
-        return Contender(
-            lambda: step(plan, joints, generator.random((2, 2 * WINDOWS + 1)).tolist()), answer
-        )
+        return Contender(lambda: step(plan, joints, generator.random((2, 2 * WINDOWS + 1)).tolist()), answer)
 
-    products = sum(before * after for before, after in zip(LAYERS, LAYERS[1:], strict=False))
-    covered = sum(_covered(scene, points, scene.width(WIDTH)) for points in _projected(scene))
+    products = sum(before * after for before, after in pairwise(LAYERS))
+    under = sum(covered(scene, points, scene.width(WIDTH)) for points in _projected(scene))
     return Case(
         name,
         f"both eyes: network, plan of {len(plan)} points, {WINDOWS} windows",
@@ -42,7 +41,7 @@ def attention_step(scene: Scene, name: str) -> Case:
         lambda: _call_by_call(scene),
         checks.same_looks,
         2 * 2 * 4 * scene.pixels,
-        2 * (2 * len(plan) * products + covered),
+        2 * (2 * len(plan) * products + under),
     )
 
 
@@ -58,7 +57,5 @@ def _projected(scene: Scene) -> list[Any]:
 
 def _call_by_call(scene: Scene) -> Any:
     """The landscapes of both eyes, and the windows of every seed and eye, by the library's single calls."""
-    looks = [
-        kernel_landscape(points, scene.shape, width=scene.width(WIDTH)) for points in _projected(scene)
-    ]
+    looks = [kernel_landscape(points, scene.shape, width=scene.width(WIDTH)) for points in _projected(scene)]
     return looks, [gibbs_sample(relevance, WINDOWS, seed=seed) for seed in SEEDS for relevance in looks]

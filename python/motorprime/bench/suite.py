@@ -30,7 +30,16 @@ SUITE: dict[str, Build] = {
 }
 """Builders of every kernel's cases, one for each input."""
 
-SIZED = ("triangular", "triangular_wide", "triangular_400", "gaussian", "gibbs", "sample", "threshold", "attention_step")
+SIZED = (
+    "triangular",
+    "triangular_wide",
+    "triangular_400",
+    "gaussian",
+    "gibbs",
+    "sample",
+    "threshold",
+    "attention_step",
+)
 """Kernels whose work grows with the image; they are measured at 1920 x 1080 as well."""
 
 MAY_LOSE = ("threshold_quicksort_4800",)
@@ -55,7 +64,9 @@ class Target:
         return {"figure": self.figure, "limit": self.limit, "seen": seen, "met": met}
 
 
-def _targets(copies: float | None = None, faster: float | None = None, beside: float | None = None) -> list[Target]:
+def _targets(
+    copies: float | None = None, faster: float | None = None, beside: float | None = None
+) -> list[Target]:
     figures = {"memcpy_ratio": copies, "speedup": faster, "times_triangular": beside}
     return [Target(figure, limit) for figure, limit in figures.items() if limit is not None]
 

@@ -60,7 +60,9 @@ class Times:
         return float(np.median(np.median(self.us, axis=1) / np.median(other.us, axis=1)))
 
 
-def interleave(calls: Mapping[str, Call], effort: Effort, clock: Clock = time.perf_counter_ns) -> dict[str, Times]:
+def interleave(
+    calls: Mapping[str, Call], effort: Effort, clock: Clock = time.perf_counter_ns
+) -> dict[str, Times]:
     """Time every function in every round, each round in another order.
 
     A turn begins with an untimed call, which brings the function's data back into the caches; then every call

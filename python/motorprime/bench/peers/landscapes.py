@@ -15,7 +15,7 @@ Shape = tuple[int, int]
 class Matmul:
     """Eq. 7 as a product of matrices, profiles down times profiles across.
 
-    Points that follow each other lie together, so with ``groups > 1`` each group fills its own rectangle only.
+    Points that follow each other lie together, so with ``groups > 1`` each group fills a rectangle only.
     """
 
     def __init__(self, count: int, shape: Shape, width: tuple[float, float], groups: int = 1) -> None:
@@ -50,7 +50,10 @@ class Matmul:
                 continue
             group = points[start : start + self.size]
             wide, height, n = right - left, bottom - top, len(group)
-            across, down = self.across[: n * wide].reshape(n, wide), self.down[: n * height].reshape(n, height)
+            across, down = (
+                self.across[: n * wide].reshape(n, wide),
+                self.down[: n * height].reshape(n, height),
+            )
             _triangles(self.columns[left:right], group[:, :1], self.width[0], slopes[0], across)
             _triangles(self.rows[top:bottom], group[:, 1:], self.width[1], slopes[1], down)
             part = np.matmul(down.T, across, out=self.part[: height * wide].reshape(height, wide))
@@ -85,7 +88,7 @@ class Boxes:
     def __call__(self, points: Floats) -> Floats32:
         """The landscape of (N, 2) points inside the image; valid until the next call."""
         wide, high = self.wide, self.high
-        places = points + (wide, high)
+        places = np.add(points, (wide, high))
         whole = places.astype(np.intp)
         right, down = (places - whole).T
         stride = self.spread.shape[1]

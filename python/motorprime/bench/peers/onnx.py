@@ -12,7 +12,7 @@ FLOAT = 1  # TensorProto.DataType
 
 
 def network_bytes(weights: Sequence[Floats32], biases: Sequence[Floats32], count: int) -> bytes:
-    """``y = gemm(tanh(... gemm(x)))`` for x (count, in), weights (in, out), tanh on every layer but the last."""
+    """``y = gemm(tanh(... gemm(x)))`` for x (count, in) and weights (in, out)."""
     nodes, tensors, name = b"", b"", "x"
     for k, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
         last = k == len(weights) - 1

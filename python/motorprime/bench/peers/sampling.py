@@ -45,7 +45,7 @@ def _rotate(x: int, k: int) -> int:
 
 
 def gibbs(landscape: Floats32, n: int, x: Sequence[float], dtype: type[np.floating[Any]]) -> Samples:
-    """The kernel's chain from ``2 n + 1`` uniform numbers: tables of the lines it comes by, made once each."""
+    """The kernel's chain from ``2 n + 1`` uniform numbers: tables only of the lines it comes by."""
     accumulate = np.add.accumulate
     rows: dict[int, npt.NDArray[Any]] = {}
     columns: dict[int, npt.NDArray[Any]] = {}

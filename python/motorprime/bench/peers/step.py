@@ -1,4 +1,4 @@
-"""The whole step of attention without motorprime: plan and joints in, landscapes and windows of both eyes out."""
+"""The whole step of attention without motorprime: plan in, landscapes and windows of both eyes out."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .networks import Augmented
 
 
 class Step:
-    """For each eye a network projects the plan, a landscape is made of it, windows are drawn by Gibbs sampling.
+    """For each eye: a network projects the plan, a landscape is made of it, Gibbs sampling draws windows.
 
     Args:
         scene: Where the networks and the size of the image come from.

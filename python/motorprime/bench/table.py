@@ -1,0 +1,138 @@
+"""The figures as a table, for the terminal and for the documentation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rich.table import Table
+
+COLUMNS = ("kernel", "ours [µs]", "copies", "best peer", "[µs]", "speedup", "target", "met")
+WORDS = {
+    "memcpy_ratio": "≤ {:g} copies",
+    "speedup": "≥ {:g}x",
+    "times_triangular": "≤ {:g}x triangular",
+    "growth": "≤ {:g}x",
+}
+SEEN = {"times_triangular": "{:.2g}x triangular"}
+
+
+def table(result: Mapping[str, Any]) -> Table:
+    """What was seen at 320 x 240, beside what is asked."""
+    size = "320 x 240, float32, one thread; a copy takes {:.2f} µs".format(result["memcpy_us"])
+    shown = Table(title=f"bench: {size}", title_justify="left")
+    for name in COLUMNS:
+        shown.add_column(
+            name, justify="right" if name in ("ours [µs]", "copies", "[µs]", "speedup") else "left"
+        )
+    for cells in _rows(result):
+        shown.add_row(*cells)
+    return shown
+
+
+def sizes_table(result: Mapping[str, Any]) -> Table | None:
+    """What was seen in larger images; None if nothing was."""
+    rows = list(_size_rows(result))
+    if not rows:
+        return None
+    shown = Table(title="the same in larger images", title_justify="left")
+    for name in SIZE_COLUMNS:
+        shown.add_column(name, justify="left" if name in ("kernel", "size", "target", "met") else "right")
+    for cells in rows:
+        shown.add_row(*cells)
+    return shown
+
+
+def markdown(result: Mapping[str, Any]) -> str:
+    """The tables and the machine in Markdown, to be included in the documentation."""
+    machine = result["machine"]
+    lines = [
+        f"Measured on {machine['cpu']} ({machine['system']}, instruction set: {machine['simd']}), one thread, "
+        f"Python {machine['python']}, NumPy {machine['numpy']} ({machine['blas']}), "
+        f"OpenCV {machine['opencv']}, ONNX Runtime {machine['onnxruntime'] or 'not installed'}. "
+        f"Copying a landscape of 320 x 240 took {result['memcpy_us']:.2f} µs.",
+        "",
+        *_markdown(COLUMNS, _rows(result)),
+    ]
+    sized = list(_size_rows(result))
+    if sized:
+        lines += ["", "The same in larger images, lengths stretched with the image:", ""]
+        lines += _markdown(SIZE_COLUMNS, iter(sized))
+    lines += [
+        "",
+        "Every peer, median of single calls [µs]:",
+        "",
+        *_markdown(("kernel", "peers"), _peers(result)),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def missed(result: Mapping[str, Any]) -> list[str]:
+    """Kernels that miss a target, with the size where it is not 320 x 240."""
+    names = [name for name, seen in result["kernels"].items() if _verdict(seen["targets"]) == "no"]
+    for size, part in result["sizes"].items():
+        names += [
+            f"{n} at {size}" for n, seen in part["kernels"].items() if _verdict(seen["targets"]) == "no"
+        ]
+    return names
+
+
+SIZE_COLUMNS = ("kernel", "size", "ours [µs]", "copies", "of the ratio at 320 x 240", "target", "met")
+
+
+def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    for name, seen in result["kernels"].items():
+        extra = [
+            SEEN[t["figure"]].format(t["seen"]) for t in seen["targets"] if t["figure"] in SEEN and t["seen"]
+        ]
+        yield (
+            name,
+            _number(seen["ours_us"], "{:.1f}"),
+            "; ".join([_number(seen["memcpy_ratio"], "{:.2f}"), *extra]),
+            seen["best_peer"],
+            _number(seen["best_peer_us"], "{:.1f}"),
+            _number(seen["speedup"], "{:.2f}x"),
+            _asked(seen["targets"]),
+            _verdict(seen["targets"]) or ("may lose" if seen["may_lose"] else "–"),
+        )
+
+
+def _size_rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    for size, part in result["sizes"].items():
+        for name, seen in part["kernels"].items():
+            yield (
+                name,
+                size.replace("x", " x "),
+                _number(seen["ours_us"], "{:.0f}"),
+                _number(seen["memcpy_ratio"], "{:.2f}"),
+                _number(seen["growth"], "{:.2f}x"),
+                _asked(seen["targets"]),
+                _verdict(seen["targets"]) or "–",
+            )
+
+
+def _peers(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    for name, seen in result["kernels"].items():
+        for variant, part in seen.get("details", {"": seen}).items():
+            ordered = sorted(part["peers"].items(), key=lambda peer: float(peer[1]["us"]))
+            listed = [f"{peer} {figures['us']:.1f}" for peer, figures in ordered]
+            absent = [f"{peer}: {why}" for peer, why in part["absent_peers"].items()]
+            yield f"{name}, {variant}" if variant else name, "; ".join(listed + absent)
+
+
+def _asked(targets: list[dict[str, Any]]) -> str:
+    return ", ".join(WORDS[target["figure"]].format(target["limit"]) for target in targets) or "–"
+
+
+def _verdict(targets: list[dict[str, Any]]) -> str:
+    """yes, no, what of several is missed, or nothing where there is no target or nothing was measured."""
+    known = [target["met"] for target in targets if target["met"] is not None]
+    return "" if not known else "yes" if all(known) else "no"
+
+
+def _number(value: float | None, form: str) -> str:
+    return "–" if value is None else form.format(value)
+
+
+def _markdown(columns: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> list[str]:
+    return [f"| {' | '.join(cells)} |" for cells in (columns, ("---",) * len(columns), *rows)]
