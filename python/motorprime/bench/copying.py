@@ -17,8 +17,8 @@ class Copy:
     """Copies a landscape; always between the same buffers, as fast as this machine can do it.
 
     How fast a copy is hangs on where its buffers lie: on the distance of their addresses modulo a page,
-    and on the physical pages that they happen to get. So several pairs are tried, half a page out of step, and the
-    fastest is kept. That is the strict choice: a slow copy would flatter every kernel.
+    and on the physical pages that they happen to get. So several pairs are tried, half a page out of step,
+    and the fastest is kept. That is the strict choice: a slow copy would flatter every kernel.
     """
 
     def __init__(self, landscape: Floats32, clock: Clock = time.perf_counter_ns) -> None:

@@ -13,7 +13,7 @@ from ..evaluate.common import write_json
 from . import suite
 from .child import measure_in_child
 from .picture import check_picture, draw
-from .table import markdown, missed, sizes_table, table
+from .table import STAR, disturbed, markdown, missed, sizes_table, table
 
 
 def bench(
@@ -51,6 +51,8 @@ def bench(
     out.print(table(result))
     if (larger := sizes_table(result)) is not None:
         out.print(larger)
+    if disturbed(result):
+        out.print(STAR, highlight=False)
     names = missed(result)
     out.print(
         f"Targets missed: {', '.join(names)}." if names else "Every target that was measured is met.",

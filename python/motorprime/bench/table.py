@@ -7,7 +7,9 @@ from typing import Any
 
 from rich.table import Table
 
+STAR = "* something else used the machine meanwhile: the copy itself was slower than in the rest of the run."
 COLUMNS = ("kernel", "ours [µs]", "copies", "best peer", "[µs]", "speedup", "target", "met")
+SIZE_COLUMNS = ("kernel", "size", "ours [µs]", "copies", "of the ratio at 320 x 240", "target", "met")
 WORDS = {
     "memcpy_ratio": "≤ {:g} copies",
     "speedup": "≥ {:g}x",
@@ -47,8 +49,8 @@ def markdown(result: Mapping[str, Any]) -> str:
     """The tables and the machine in Markdown, to be included in the documentation."""
     machine = result["machine"]
     lines = [
-        f"Measured on {machine['cpu']} ({machine['system']}, instruction set: {machine['simd']}), one thread, "
-        f"Python {machine['python']}, NumPy {machine['numpy']} ({machine['blas']}), "
+        f"Measured on {machine['cpu']} ({machine['system']}, instruction set: {machine['simd']}), "
+        f"one thread, Python {machine['python']}, NumPy {machine['numpy']} ({machine['blas']}), "
         f"OpenCV {machine['opencv']}, ONNX Runtime {machine['onnxruntime'] or 'not installed'}. "
         f"Copying a landscape of 320 x 240 took {result['memcpy_us']:.2f} µs.",
         "",
@@ -58,6 +60,8 @@ def markdown(result: Mapping[str, Any]) -> str:
     if sized:
         lines += ["", "The same in larger images, lengths stretched with the image:", ""]
         lines += _markdown(SIZE_COLUMNS, iter(sized))
+    if disturbed(result):
+        lines += ["", "\\" + STAR]
     lines += [
         "",
         "Every peer, median of single calls [µs]:",
@@ -65,6 +69,12 @@ def markdown(result: Mapping[str, Any]) -> str:
         *_markdown(("kernel", "peers"), _peers(result)),
     ]
     return "\n".join(lines) + "\n"
+
+
+def disturbed(result: Mapping[str, Any]) -> bool:
+    """Whether a row carries the star."""
+    parts = [result, *result["sizes"].values()]
+    return any(seen["disturbed"] for part in parts for seen in part["kernels"].values())
 
 
 def missed(result: Mapping[str, Any]) -> list[str]:
@@ -77,9 +87,6 @@ def missed(result: Mapping[str, Any]) -> list[str]:
     return names
 
 
-SIZE_COLUMNS = ("kernel", "size", "ours [µs]", "copies", "of the ratio at 320 x 240", "target", "met")
-
-
 def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     for name, seen in result["kernels"].items():
         extra = [
@@ -87,7 +94,7 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
         ]
         yield (
             name,
-            _number(seen["ours_us"], "{:.1f}"),
+            _number(seen["ours_us"], "{:.1f}") + ("*" if seen["disturbed"] else ""),
             "; ".join([_number(seen["memcpy_ratio"], "{:.2f}"), *extra]),
             seen["best_peer"],
             _number(seen["best_peer_us"], "{:.1f}"),
@@ -103,7 +110,7 @@ def _size_rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
             yield (
                 name,
                 size.replace("x", " x "),
-                _number(seen["ours_us"], "{:.0f}"),
+                _number(seen["ours_us"], "{:.0f}") + ("*" if seen["disturbed"] else ""),
                 _number(seen["memcpy_ratio"], "{:.2f}"),
                 _number(seen["growth"], "{:.2f}x"),
                 _asked(seen["targets"]),
