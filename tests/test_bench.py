@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from motorprime import ArgumentError, StateError, cli
-from motorprime.bench import child, suite, table
+from motorprime.bench import child, face, suite, table
 from motorprime.bench.cases import Contender
 from motorprime.bench.checks import InexactPeerError
 from motorprime.bench.copying import Copy
@@ -119,6 +119,14 @@ def test_the_markdown_is_that_of_the_json(quick, result):
     text = (quick[0] / "b.md").read_text(encoding="utf-8")
     assert text == table.markdown(result)
     assert all(f"| {name} |" in text for name in NAMES)
+
+
+def test_markdown_replaces_what_stands_between_the_marks_and_nothing_else(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n\n{face.BEGIN}\n\nold\n\n{face.END}\n\nafter\n")
+    for _ in range(2):
+        face._write(page, "| new |\n")
+        assert page.read_text() == f"before\n\n{face.BEGIN}\n\n| new |\n\n{face.END}\n\nafter\n"
 
 
 @pytest.mark.viz

@@ -156,7 +156,10 @@ def bench(
         Path | None, typer.Option(help="Draw the figures to this .png or .svg (extra viz).", dir_okay=False)
     ] = None,
     markdown: Annotated[
-        Path | None, typer.Option(help="Write the tables to this file as Markdown.", dir_okay=False)
+        Path | None,
+        typer.Option(
+            help="Write the tables to this file, or between its marks, as Markdown.", dir_okay=False
+        ),
     ] = None,
 ) -> None:
     """Time the kernels, called from Python, beside the fastest exact ways to do without them.

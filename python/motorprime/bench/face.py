@@ -15,6 +15,8 @@ from .child import measure_in_child
 from .picture import check_picture, draw
 from .table import STAR, disturbed, markdown, missed, sizes_table, table
 
+BEGIN, END = "<!-- motorprime bench: begin -->", "<!-- motorprime bench: end -->"
+
 
 def bench(
     kernels: Sequence[str],
@@ -80,7 +82,13 @@ def _check_writable(name: str, path: Path) -> None:
 
 
 def _write(path: Path, text: str) -> None:
+    """Write a file, or only the part of it between the marks if it has them."""
     try:
+        old = path.read_text(encoding="utf-8") if path.exists() else ""
+        before, begin, rest = old.partition(BEGIN)
+        _, end, after = rest.partition(END)
+        if end:
+            text = f"{before}{begin}\n\n{text}\n{end}{after}"
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ArgumentError(f"markdown: cannot write {path}: {error.strerror}") from None

@@ -132,7 +132,7 @@ def _asked(targets: list[dict[str, Any]]) -> str:
 
 
 def _verdict(targets: list[dict[str, Any]]) -> str:
-    """yes, no, what of several is missed, or nothing where there is no target or nothing was measured."""
+    """yes, no, or nothing where there is no target or nothing was measured."""
     known = [target["met"] for target in targets if target["met"] is not None]
     return "" if not known else "yes" if all(known) else "no"
 
