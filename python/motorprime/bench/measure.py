@@ -90,9 +90,11 @@ def _timed(case: Case, copy: Call, effort: Effort, *, peers: bool) -> tuple[Case
 
 
 def _copy_us(timed: Mapping[str, Sequence[tuple[Case, dict[str, Times]]]]) -> float:
-    """Median of all copies of a run [us]."""
-    copies = [times[COPY].us.reshape(-1) for cases in timed.values() for _, times in cases]
-    return float(np.median(np.concatenate(copies)))
+    """The unit of a run [us]: every kernel's rounds have a median copy, the least of these.
+
+    What else uses the machine slows a copy more than a kernel, and so would flatter the kernels.
+    """
+    return min(times[COPY].median for cases in timed.values() for _, times in cases)
 
 
 def calls(case: Case, copy: Call, *, peers: bool = True) -> dict[str, Call]:
@@ -109,8 +111,8 @@ def calls(case: Case, copy: Call, *, peers: bool = True) -> dict[str, Call]:
 def figures(times: Mapping[str, Times], unit: float) -> dict[str, Any]:
     """Our time and its ratio to the run's copy; None where there is no such kernel.
 
-    ``copy_us`` is the copy in the same rounds. Where it is much slower than that of the whole run, something
-    else used the machine.
+    ``copy_us`` is the copy in the same rounds. Where it is much slower than the unit, something else used the
+    machine.
     """
     ours, copy = times.get(OURS), times[COPY].median
     return {

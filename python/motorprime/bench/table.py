@@ -7,25 +7,25 @@ from typing import Any
 
 from rich.table import Table
 
-STAR = "* something else used the machine meanwhile: the copy itself was slower than in the rest of the run."
-COLUMNS = ("kernel", "ours [µs]", "copies", "best peer", "[µs]", "speedup", "target", "met")
-SIZE_COLUMNS = ("kernel", "size", "ours [µs]", "copies", "of the ratio at 320 x 240", "target", "met")
+STAR = "* something else used the machine meanwhile: a copy took longer than beside other kernels."
+COLUMNS = ("kernel", "ours [us]", "copies", "best peer", "[us]", "speedup", "target", "met")
+SIZE_COLUMNS = ("kernel", "size", "ours [us]", "copies", "of the ratio at 320 x 240", "target", "met")
 WORDS = {
-    "memcpy_ratio": "≤ {:g} copies",
-    "speedup": "≥ {:g}x",
-    "times_triangular": "≤ {:g}x triangular",
-    "growth": "≤ {:g}x",
+    "memcpy_ratio": "<= {:g} copies",
+    "speedup": ">= {:g}x",
+    "times_triangular": "<= {:g}x triangular",
+    "growth": "<= {:g}x",
 }
 SEEN = {"times_triangular": "{:.2g}x triangular"}
 
 
 def table(result: Mapping[str, Any]) -> Table:
     """What was seen at 320 x 240, beside what is asked."""
-    size = "320 x 240, float32, one thread; a copy takes {:.2f} µs".format(result["memcpy_us"])
+    size = "320 x 240, float32, one thread; a copy takes {:.2f} us".format(result["memcpy_us"])
     shown = Table(title=f"bench: {size}", title_justify="left")
     for name in COLUMNS:
         shown.add_column(
-            name, justify="right" if name in ("ours [µs]", "copies", "[µs]", "speedup") else "left"
+            name, justify="right" if name in ("ours [us]", "copies", "[us]", "speedup") else "left"
         )
     for cells in _rows(result):
         shown.add_row(*cells)
@@ -52,7 +52,7 @@ def markdown(result: Mapping[str, Any]) -> str:
         f"Measured on {machine['cpu']} ({machine['system']}, instruction set: {machine['simd']}), "
         f"one thread, Python {machine['python']}, NumPy {machine['numpy']} ({machine['blas']}), "
         f"OpenCV {machine['opencv']}, ONNX Runtime {machine['onnxruntime'] or 'not installed'}. "
-        f"Copying a landscape of 320 x 240 took {result['memcpy_us']:.2f} µs.",
+        f"Copying a landscape of 320 x 240 took {result['memcpy_us']:.2f} us.",
         "",
         *_markdown(COLUMNS, _rows(result)),
     ]
@@ -64,7 +64,7 @@ def markdown(result: Mapping[str, Any]) -> str:
         lines += ["", "\\" + STAR]
     lines += [
         "",
-        "Every peer, median of single calls [µs]:",
+        "Every peer, median of single calls [us]:",
         "",
         *_markdown(("kernel", "peers"), _peers(result)),
     ]
@@ -94,13 +94,13 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
         ]
         yield (
             name,
-            _number(seen["ours_us"], "{:.1f}") + ("*" if seen["disturbed"] else ""),
+            _ours(seen, "{:.1f}"),
             "; ".join([_number(seen["memcpy_ratio"], "{:.2f}"), *extra]),
             seen["best_peer"],
             _number(seen["best_peer_us"], "{:.1f}"),
             _number(seen["speedup"], "{:.2f}x"),
             _asked(seen["targets"]),
-            _verdict(seen["targets"]) or ("may lose" if seen["may_lose"] else "–"),
+            _verdict(seen["targets"]) or ("may lose" if seen["may_lose"] else "-"),
         )
 
 
@@ -110,11 +110,11 @@ def _size_rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
             yield (
                 name,
                 size.replace("x", " x "),
-                _number(seen["ours_us"], "{:.0f}") + ("*" if seen["disturbed"] else ""),
+                _ours(seen, "{:.0f}"),
                 _number(seen["memcpy_ratio"], "{:.2f}"),
                 _number(seen["growth"], "{:.2f}x"),
                 _asked(seen["targets"]),
-                _verdict(seen["targets"]) or "–",
+                _verdict(seen["targets"]) or "-",
             )
 
 
@@ -128,7 +128,7 @@ def _peers(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
 
 
 def _asked(targets: list[dict[str, Any]]) -> str:
-    return ", ".join(WORDS[target["figure"]].format(target["limit"]) for target in targets) or "–"
+    return ", ".join(WORDS[target["figure"]].format(target["limit"]) for target in targets) or "-"
 
 
 def _verdict(targets: list[dict[str, Any]]) -> str:
@@ -137,8 +137,13 @@ def _verdict(targets: list[dict[str, Any]]) -> str:
     return "" if not known else "yes" if all(known) else "no"
 
 
+def _ours(seen: Mapping[str, Any], form: str) -> str:
+    """Our time, with the star if the rounds were disturbed."""
+    return "-" if seen["ours_us"] is None else form.format(seen["ours_us"]) + "*" * seen["disturbed"]
+
+
 def _number(value: float | None, form: str) -> str:
-    return "–" if value is None else form.format(value)
+    return "-" if value is None else form.format(value)
 
 
 def _markdown(columns: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> list[str]:
