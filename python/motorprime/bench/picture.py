@@ -70,7 +70,7 @@ def draw(result: Mapping[str, Any], path: Path) -> None:
 def _figure(figure: Figure, kernels: Mapping[str, Any], copy: float) -> None:
     axes = figure.subplots()
     low = min([0.35 * copy, *(0.7 * t for seen in kernels.values() for t in _times(seen))])
-    high = max([20 * copy, *(11.0 * t for seen in kernels.values() for t in _times(seen))])
+    high = max([20 * copy, *(18.0 * t for seen in kernels.values() for t in _times(seen))])
     axes.set_xscale("log")
     axes.set_xlim(low, high)
     axes.set_ylim(len(kernels) - 0.4, -0.75)
