@@ -69,7 +69,7 @@ def test_it_ends_with_0_and_says_what_it_wrote_whether_or_not_a_target_is_missed
     assert done.returncode == 0, done.stderr
     assert "wrote new/b.json" in done.stderr.replace("\\", "/") and "wrote b.md" in done.stderr
     assert "arget" in done.stdout.splitlines()[-1]
-    for name in NAMES:
+    for name in [*NAMES, *table.COLUMNS, *table.SIZE_COLUMNS]:
         assert name in done.stdout
 
 

@@ -8,8 +8,8 @@ from typing import Any
 from rich.table import Table
 
 STAR = "* something else used the machine meanwhile: a copy took longer than beside other kernels."
-COLUMNS = ("kernel", "ours [us]", "copies", "best peer", "[us]", "speedup", "target", "met")
-SIZE_COLUMNS = ("kernel", "size", "ours [us]", "copies", "of the ratio at 320 x 240", "target", "met")
+COLUMNS = ("kernel", "ours, us", "copies", "best peer", "peer, us", "speedup", "target", "met")
+SIZE_COLUMNS = ("kernel", "size", "ours, us", "copies", "of the ratio at 320 x 240", "target", "met")
 WORDS = {
     "memcpy_ratio": "<= {:g} copies",
     "speedup": ">= {:g}x",
@@ -24,9 +24,8 @@ def table(result: Mapping[str, Any]) -> Table:
     size = "320 x 240, float32, one thread; a copy takes {:.2f} us".format(result["memcpy_us"])
     shown = Table(title=f"bench: {size}", title_justify="left")
     for name in COLUMNS:
-        shown.add_column(
-            name, justify="right" if name in ("ours [us]", "copies", "[us]", "speedup") else "left"
-        )
+        numeric = name in ("ours, us", "copies", "peer, us", "speedup")
+        shown.add_column(name, justify="right" if numeric else "left", no_wrap=name == "kernel")
     for cells in _rows(result):
         shown.add_row(*cells)
     return shown
