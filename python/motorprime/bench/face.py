@@ -50,7 +50,7 @@ def bench(
             bars.update(task, completed=done, total=of, description=f"measuring {what}" if what else "done")
 
         result = measure_in_child(kernels, seed, quick, report)
-    out.print(table(result))
+    out.print(table(result, out.width))
     if (larger := sizes_table(result)) is not None:
         out.print(larger)
     if disturbed(result):

@@ -58,7 +58,7 @@ def draw(result: Mapping[str, Any], path: Path) -> None:
 
     with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]
         kernels = result["kernels"]
-        figure = Figure(figsize=(10.0, 2.1 + 0.42 * len(kernels)), layout="constrained")
+        figure = Figure(figsize=(10.5, 2.1 + 0.42 * len(kernels)), layout="constrained")
         _figure(figure, kernels, result["memcpy_us"])
         try:
             metadata = {"Date": None} if path.suffix.lower() == ".svg" else {}
