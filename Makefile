@@ -20,7 +20,9 @@ test: $(READY)
 	$(BIN)/python -m pytest
 
 bench: $(READY)
-	cargo bench
+	$(BIN)/motorprime bench --json runs/bench/bench.json --picture runs/bench/bench.png
+	@echo "Figures: runs/bench/bench.json, picture: runs/bench/bench.png; docs/kernels.md says how to read them."
+	@echo "'cargo bench' measures the kernels without Python, over sizes of images."
 
 lint: $(READY)
 	cargo fmt --check

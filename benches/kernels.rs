@@ -1,121 +1,116 @@
-//! The kernels at the paper's sizes: `cargo bench`, or `cargo bench -- gibbs` for some of them.
+//! The kernels without Python, over sizes of images, beside a copy of each size.
+//!
+//! `cargo bench`, or `cargo bench -- gibbs` for some of them, `cargo bench -- 320x240` for one size. Lengths
+//! are those of 320 x 240, stretched with the image. `motorprime bench` measures them from Python.
 
 use std::hint::black_box;
+use std::time::Duration;
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use motorprime::gaussian::Gaussian;
-use motorprime::gibbs::Gibbs;
+use motorprime::gibbs::{Gibbs, Schedule};
 use motorprime::kernel::{Kernel, Trajectory, Widths};
-use motorprime::mlp::{Mlp, Scale, Weights, Workspace};
+use motorprime::masses::{Landscape, Masses};
+use motorprime::mlp::{Mlp, Scale, Weights};
 use motorprime::rng::{Xoshiro256PlusPlus, uniform};
-use motorprime::threshold::{Method, Wanted, Workspace, threshold};
-use motorprime::{Shape, parallel};
+use motorprime::sample::sample;
+use motorprime::step::{Look, Map, Plan, Sight, Task, View, run};
+use motorprime::threshold::{Method, Wanted, threshold};
+use motorprime::{
+    Shape, Simd, Support, kernel, mlp, parallel, sample as samplers, step, threshold as thresholds,
+};
 
-/// A reach across the image, in a gentle arc.
-fn reach(points: usize) -> Vec<[f64; 2]> {
-    let along = |n: usize| n as f64 / (points - 1) as f64;
-    (0..points)
-        .map(|n| [40.3 + 230.0 * along(n), 190.7 - 400.0 * along(n) * (1.0 - 0.7 * along(n))])
-        .collect()
+/// (width, height) of the images.
+const SIZES: [(usize, usize); 5] = [(160, 120), (320, 240), (640, 480), (1280, 720), (1920, 1080)];
+
+/// An image's size and how much larger than 320 x 240 it is.
+#[derive(Clone, Copy)]
+struct Image {
+    shape: Shape,
+    stretch: [f64; 2],
 }
 
-fn trajectory(points: &[[f64; 2]], kernel: Kernel) -> Trajectory<'_> {
-    Trajectory { points, widths: Widths::Common([40.0, 40.0]), kernel, weights: None }
-}
+impl Image {
+    fn new((width, height): (usize, usize)) -> Self {
+        let stretch = [width as f64 / 320.0, height as f64 / 240.0];
+        Self { shape: Shape::new(height, width).unwrap(), stretch }
+    }
 
-const ELLIPSE: Gaussian =
-    Gaussian { mean: [150.2, 130.6], chol: [45.0, 12.0, 30.0], cutoff: 3.0, mixing: 1.0 };
+    fn paper() -> Self {
+        Self::new((320, 240))
+    }
 
-fn image() -> Shape {
-    Shape::new(240, 320).unwrap()
-}
+    fn name(&self) -> String {
+        format!("{}x{}", self.shape.width(), self.shape.height())
+    }
 
-fn landscape(points: usize) -> Vec<f32> {
-    let mut out = vec![0.0; image().pixels()];
-    trajectory(&reach(points), Kernel::Triangular).landscape(image(), &mut out).unwrap();
-    out
-}
+    fn buffer(&self) -> Vec<f32> {
+        vec![0.0; self.shape.pixels()]
+    }
 
-fn landscapes(c: &mut Criterion) {
-    let shape = image();
-    let mut out = vec![0.0; shape.pixels()];
-    let source = landscape(100);
-    c.bench_function("memory/copy of 320x240 float32, for scale", |b| {
-        b.iter(|| black_box(&mut out).copy_from_slice(black_box(&source)));
-    });
-    c.bench_function("landscape/gaussian ellipse", |b| {
-        b.iter(|| black_box(&ELLIPSE).landscape(shape, &mut out));
-    });
-    for (name, kernel) in [("triangular", Kernel::Triangular), ("gaussian", Kernel::Gaussian)] {
-        for count in [50, 100] {
-            let points = reach(count);
-            c.bench_function(&format!("landscape/{name}, {count} points, width 40"), |b| {
-                b.iter(|| trajectory(black_box(&points), kernel).landscape(shape, &mut out));
-            });
-        }
+    /// A reach across the image, in a gentle arc.
+    fn reach(&self, points: usize) -> Vec<[f64; 2]> {
+        let along = |n: usize| n as f64 / (points - 1) as f64;
+        let at = |a: f64| [40.3 + 230.0 * a, 190.7 - 400.0 * a * (1.0 - 0.7 * a)];
+        (0..points).map(|n| self.stretched(at(along(n)))).collect()
+    }
+
+    fn stretched(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        [u * self.stretch[0], v * self.stretch[1]]
+    }
+
+    /// The landscape of the reach of 100 points, width 40.
+    fn landscape(&self) -> Vec<f32> {
+        let mut out = self.buffer();
+        plan(self, &self.reach(100), 40.0, Kernel::Triangular, &mut Scratch::default(), &mut out);
+        out
+    }
+
+    /// Random floats, the worst landscape to sort.
+    fn noise(&self) -> Vec<f32> {
+        let mut rng = Xoshiro256PlusPlus::new(0);
+        (0..self.shape.pixels()).map(|_| uniform(&mut rng) as f32).collect()
     }
 }
 
-fn stereo(c: &mut Criterion) {
-    let shape = image();
-    let points = reach(100);
-    let mut outs = [vec![0.0; shape.pixels()], vec![0.0; shape.pixels()]];
-    c.bench_function("stereo/triangular, 100 points, one after the other", |b| {
-        b.iter(|| {
-            for out in &mut outs {
-                trajectory(black_box(&points), Kernel::Triangular).landscape(shape, out).unwrap();
-            }
-        });
-    });
-    c.bench_function("stereo/triangular, 100 points, side by side", |b| {
-        b.iter(|| {
-            parallel::for_each(&mut outs, |_, out| {
-                trajectory(black_box(&points), Kernel::Triangular).landscape(shape, out).unwrap();
-            });
-        });
-    });
+/// Buffers of a landscape.
+#[derive(Default)]
+struct Scratch {
+    kernel: kernel::Workspace,
+    support: Support,
 }
 
-fn thresholds(c: &mut Criterion) {
-    let shape = image();
-    let trajectory = landscape(100);
-    let mut rng = Xoshiro256PlusPlus::new(0);
-    let noise: Vec<f32> = (0..shape.pixels()).map(|_| uniform(&mut rng) as f32).collect();
-    for (content, pixels) in [("landscape", &trajectory), ("noise", &noise)] {
-        for (size, stride) in [("4,800 px", 4), ("76,800 px", 1)] {
-            for (name, method) in [("select", Method::Select), ("quicksort", Method::Quicksort)] {
-                let mut workspace = Workspace::default();
-                c.bench_function(&format!("threshold/{name}, {content}, {size}"), |b| {
-                    let wanted = Wanted::Fraction(0.3);
-                    b.iter(|| threshold(black_box(pixels), shape, wanted, stride, method, &mut workspace));
-                });
-            }
-        }
-    }
+/// Calls of the kernels: what a change of their arguments has to touch.
+fn plan(
+    image: &Image,
+    points: &[[f64; 2]],
+    width: f64,
+    kernel: Kernel,
+    scratch: &mut Scratch,
+    out: &mut [f32],
+) {
+    let widths = Widths::Common(image.stretched([width, width]));
+    let trajectory = Trajectory { points, widths, kernel, weights: None };
+    trajectory.landscape(image.shape, &mut scratch.kernel, &mut scratch.support, out).unwrap();
 }
 
-fn samples(c: &mut Criterion) {
-    let shape = image();
-    let mut ellipse = vec![0.0; shape.pixels()];
-    ELLIPSE.landscape(shape, &mut ellipse).unwrap();
-    for (name, pixels) in [("trajectory", landscape(100)), ("ellipse", ellipse)] {
-        c.bench_function(&format!("gibbs/check of the {name} alone"), |b| {
-            b.iter(|| Gibbs::new(black_box(&pixels), shape));
-        });
-        c.bench_function(&format!("gibbs/50 windows from the {name}"), |b| {
-            b.iter(|| {
-                let mut rng = Xoshiro256PlusPlus::new(1);
-                let mut chain = Gibbs::new(black_box(&pixels), shape).unwrap();
-                chain.start_drawn(&mut rng);
-                for _ in 0..50 {
-                    black_box(chain.sweep(&mut rng));
-                }
-            });
-        });
-    }
+fn ellipse(image: &Image, support: &mut Support, out: &mut [f32]) {
+    let [across, down] = image.stretch;
+    let mean = image.stretched([150.2, 130.6]);
+    let chol = [36.9 * across, 9.8 * down, 24.5 * down];
+    Gaussian { mean, chol, cutoff: 3.0, mixing: 1.0 }.landscape(image.shape, support, out).unwrap();
 }
 
-fn network(c: &mut Criterion) {
+fn windows(image: &Image, pixels: &[f32], seed: u64, masses: &mut Masses, out: &mut [i32]) {
+    let mut rng = Xoshiro256PlusPlus::new(seed);
+    let landscape = Landscape { pixels, shape: image.shape, support: None };
+    let mut chain = Gibbs::new(Simd::best(), landscape, masses).unwrap();
+    chain.start_drawn(&mut rng);
+    chain.run(&mut rng, u64::MAX, &mut Schedule::new(0, 1), out);
+}
+
+fn network() -> Mlp {
     let mut rng = Xoshiro256PlusPlus::new(2);
     let mut vector = |n: usize| (0..n).map(|_| uniform(&mut rng) - 0.5).collect::<Vec<f64>>();
     let sizes = [12, 25, 25, 2];
@@ -124,21 +119,165 @@ fn network(c: &mut Criterion) {
     let layers: Vec<Weights> = layers.collect();
     let biases = sizes[1..].iter().map(|&n| vector(n)).collect();
     let scale = |n: usize| Scale { mean: vec![0.0; n], std: vec![1.0; n] };
-    let mlp = Mlp::new(layers, biases, scale(12), scale(2)).unwrap();
-    let inputs = vector(50 * 12);
-    let mut workspace = Workspace::default();
-    let (mut out, mut jacobian) = (vec![0.0; 50 * 2], vec![0.0; 50 * 2 * 12]);
-    c.bench_function("mlp/12-25-25-2, 50 points, 2 cameras", |b| {
-        b.iter(|| {
-            for _camera in 0..2 {
-                mlp.forward(black_box(&inputs), &mut workspace, &mut out).unwrap();
-            }
-        });
-    });
-    c.bench_function("mlp/Jacobian of 12-25-25-2, 50 points", |b| {
-        b.iter(|| mlp.jacobian(black_box(&inputs), &mut workspace, &mut jacobian));
+    let output = Scale { mean: vec![160.0, 120.0], std: vec![80.0, 60.0] };
+    Mlp::new(layers, biases, scale(12), output).unwrap()
+}
+
+/// Measures `prepare(image)`'s function for images of every size; throughput is pixels per second.
+fn over_sizes<F: FnMut()>(c: &mut Criterion, name: &str, prepare: impl Fn(Image) -> F) {
+    let mut group = c.benchmark_group(name);
+    for image in SIZES.map(Image::new) {
+        let mut run = prepare(image);
+        measure(&mut group, &image, &mut run);
+    }
+    group.finish();
+}
+
+fn measure(group: &mut BenchmarkGroup<'_, WallTime>, image: &Image, run: &mut impl FnMut()) {
+    group.throughput(Throughput::Elements(image.shape.pixels() as u64));
+    group.bench_function(BenchmarkId::from_parameter(image.name()), |b| b.iter(&mut *run));
+}
+
+fn copies(c: &mut Criterion) {
+    over_sizes(c, "memory/copy, for scale", |image| {
+        let (source, mut out) = (image.landscape(), image.buffer());
+        move || black_box(&mut out).copy_from_slice(black_box(&source))
     });
 }
 
-criterion_group!(benches, landscapes, stereo, thresholds, samples, network);
+fn landscapes(c: &mut Criterion) {
+    over_sizes(c, "landscape/gaussian ellipse", |image| {
+        let (mut support, mut out) = (Support::default(), image.buffer());
+        move || ellipse(black_box(&image), &mut support, &mut out)
+    });
+    for (name, kernel) in [("triangular", Kernel::Triangular), ("gaussian", Kernel::Gaussian)] {
+        for (count, width) in [(100, 40.0), (100, 120.0), (400, 40.0)] {
+            over_sizes(c, &format!("landscape/{name}, {count} points, width {width}"), |image| {
+                let (points, mut out) = (image.reach(count), image.buffer());
+                let mut scratch = Scratch::default();
+                move || plan(&image, black_box(&points), width, kernel, &mut scratch, &mut out)
+            });
+        }
+    }
+}
+
+fn selections(c: &mut Criterion) {
+    for content in ["landscape", "noise"] {
+        for (part, stride) in [("all pixels", 1), ("every 4th row and column", 4)] {
+            for (name, method) in [("select", Method::Select), ("quicksort", Method::Quicksort)] {
+                over_sizes(c, &format!("threshold/{name}, {content}, {part}"), |image| {
+                    let pixels = if content == "noise" { image.noise() } else { image.landscape() };
+                    let (wanted, mut space) = (Wanted::Fraction(0.3), thresholds::Workspace::default());
+                    move || {
+                        let pixels = black_box(&pixels);
+                        black_box(
+                            threshold(pixels, image.shape, wanted, stride, method, &mut space).unwrap(),
+                        );
+                    }
+                });
+            }
+        }
+    }
+}
+
+fn samples(c: &mut Criterion) {
+    over_sizes(c, "gibbs/50 windows", |image| {
+        let (pixels, mut seed) = (image.landscape(), 0);
+        let (mut masses, mut out) = (Masses::default(), [0; 100]);
+        move || {
+            seed += 1;
+            windows(&image, black_box(&pixels), seed, &mut masses, black_box(&mut out));
+        }
+    });
+    for distance in [0.0, 10.0] {
+        over_sizes(c, &format!("sample/50 windows, distance {distance}"), |image| {
+            let (pixels, mut rng) = (image.landscape(), Xoshiro256PlusPlus::new(1));
+            let (mut space, mut out) = (samplers::Workspace::default(), [0; 100]);
+            move || {
+                let landscape = Landscape { pixels: black_box(&pixels), shape: image.shape, support: None };
+                let distance = distance * image.stretch[0];
+                sample(Simd::best(), landscape, distance, &mut rng, &mut space, &mut out).unwrap();
+            }
+        });
+    }
+}
+
+fn stereo(c: &mut Criterion) {
+    let image = Image::paper();
+    let points = image.reach(100);
+    for (name, threads) in [("one after the other", false), ("side by side", true)] {
+        let mut eyes = [0, 1].map(|_| (Scratch::default(), image.buffer()));
+        let work = |_: usize, (scratch, out): &mut (Scratch, Vec<f32>)| {
+            plan(&image, black_box(&points), 40.0, Kernel::Triangular, scratch, out);
+        };
+        c.bench_function(&format!("stereo/triangular, {name}"), |b| {
+            b.iter(|| {
+                if threads {
+                    parallel::for_each(&mut eyes, &work);
+                } else {
+                    eyes.iter_mut().for_each(|eye| work(0, eye));
+                }
+            });
+        });
+    }
+}
+
+/// The whole cycle of a stereo pair: a plan of 100 points through a network, to 50 windows per eye.
+fn steps(c: &mut Criterion) {
+    let (image, network) = (Image::paper(), network());
+    let points: Vec<[f64; 3]> = (0..100).map(|n| [-0.3 + 0.002 * f64::from(n), 0.1, 0.2]).collect();
+    for (name, threads) in [("one thread", false), ("two threads", true)] {
+        let mut spaces = [0, 1].map(|_| step::Workspace::default());
+        let mut outs = [0, 1].map(|_| (image.buffer(), [0; 100]));
+        c.bench_function(&format!("step/{name}"), |b| {
+            b.iter(|| {
+                let plan = Plan {
+                    points: black_box(&points),
+                    joints: &[0.0; 9],
+                    kernel: Kernel::Triangular,
+                    cutoff: 3.0,
+                    mixing: 1.0,
+                };
+                let eyes = outs.iter_mut().zip(&mut spaces);
+                let tasks = eyes.map(|((landscape, centres), workspace)| {
+                    let (map, look) = (Map::Network(&network), Look::Windows(centres));
+                    let view = View { shape: image.shape, map, width: [40.0; 2], seed: 1, landscape, look };
+                    Task { view, workspace, result: Ok(Sight::Behind) }
+                });
+                let mut tasks: Vec<_> = tasks.collect();
+                run(&plan, &mut tasks, threads);
+                assert!(tasks.iter().all(|task| matches!(task.result, Ok(Sight::Seen(_)))));
+            });
+        });
+    }
+}
+
+fn networks(c: &mut Criterion) {
+    let network = network();
+    for points in [1, 50, 100] {
+        let inputs = vec![0.1; points * 12];
+        let (mut out, mut jacobian) = (vec![0.0; points * 2], vec![0.0; points * 2 * 12]);
+        let mut space = mlp::Workspace::default();
+        c.bench_function(&format!("mlp/12-25-25-2, {points} points"), |b| {
+            b.iter(|| network.forward(black_box(&inputs), &mut space, &mut out).unwrap());
+        });
+        c.bench_function(&format!("mlp/Jacobian of 12-25-25-2, {points} points"), |b| {
+            b.iter(|| network.jacobian(black_box(&inputs), &mut space, &mut jacobian).unwrap());
+        });
+    }
+}
+
+/// Short: there are many, and a copy of the same size stands beside them.
+fn short() -> Criterion {
+    Criterion::default()
+        .sample_size(12)
+        .warm_up_time(Duration::from_millis(100))
+        .measurement_time(Duration::from_millis(500))
+}
+
+criterion_group! {
+    name = benches;
+    config = short();
+    targets = copies, landscapes, selections, samples, stereo, networks, steps
+}
 criterion_main!(benches);

@@ -142,6 +142,47 @@ def _place(text: str | None) -> tuple[float, float] | None:
     return x, y
 
 
+@app.command(short_help="Time the kernels beside their best exact peers.")
+def bench(
+    kernel: Annotated[
+        list[str] | None, typer.Option(help="Measure this kernel only; may be given several times.")
+    ] = None,
+    seed: Seed = 0,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A few repetitions only: seconds, and figures for a first look.")
+    ] = False,
+    json_file: JsonFile = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw the figures to this .png or .svg (extra viz).", dir_okay=False)
+    ] = None,
+    markdown: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the tables to this file, or between its marks, as Markdown.", dir_okay=False
+        ),
+    ] = None,
+) -> None:
+    """Time the kernels, called from Python, beside the fastest exact ways to do without them.
+
+    Everything runs on one thread, in a process of its own, on landscapes of 320 x 240 float32, and once more
+    at 1920 x 1080. The unit is a copy of such a landscape in memory: no kernel that writes one can be much
+    faster. Before it is timed, every peer (NumPy, OpenCV, ONNX Runtime if it is installed) must give the
+    kernel's own result. Kernel and peers take turns, so that a slow phase of the machine hits all alike; a
+    ratio is the median over the rounds.
+
+    Kernels: triangular, triangular_wide, triangular_400, gaussian, gibbs, sample, threshold,
+    threshold_quicksort_4800, threshold_select_4800, mlp, attention_step.
+
+    Prints a table with the target of every kernel and whether it was met. Takes about a minute; let the
+    machine do nothing else meanwhile.
+
+    Exit code: 0 whether or not the targets are met, 2 for an error, 130 when interrupted.
+    """
+    from .bench.face import bench as run
+
+    run(kernel or [], seed, quick, json_file, picture, markdown, out, err)
+
+
 @evaluate.command("projection", short_help="Pixels between rendered balls and their projection.")
 def _projection(
     poses: Annotated[int, typer.Option(min=1, help="Random postures.")] = 200,
