@@ -157,9 +157,11 @@ fn load<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], block: &mut [[f
     for (row, x) in rows.iter_mut().zip(x.chunks_exact(inputs)) {
         *row = x;
     }
-    // From row to line: the other way round compilers scatter, which is slow where it exists.
     let scale = mlp.input.mean.iter().zip(&mlp.input_rates);
     for (i, (line, (mean, rate))) in block[..inputs].iter_mut().zip(scale).enumerate() {
+        // One input at a time: a compiler that sees several makes vectors of them and scatters those over the
+        // lines, which is slow.
+        let i = std::hint::black_box(i).min(inputs - 1);
         *line = rows.map(|row| ((row[i].into() - mean) * rate) as f32);
     }
 }
