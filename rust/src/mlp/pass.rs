@@ -7,8 +7,9 @@ use crate::simd::Kernel;
 
 /// Points that go through the network together, one in each lane of a line.
 const LANES: usize = 16;
-/// The same for a remainder that fits into half the lanes.
+/// The same for a remainder that fits into fewer lanes, such as the one point of a control loop.
 const NARROW: usize = 8;
+const NARROWEST: usize = 4;
 
 /// Buffers of a pass. They fit themselves to any network; keep one per thread, and calls allocate nothing.
 #[derive(Clone, Debug, Default)]
@@ -45,10 +46,10 @@ impl<X: Copy + Into<f64>> Kernel for Forward<'_, X> {
         check_inputs(mlp, x)?;
         let (inputs, outputs) = (mlp.inputs(), mlp.outputs());
         for (x, out) in x.chunks(LANES * inputs).zip(out.chunks_mut(LANES * outputs)) {
-            if x.len() <= NARROW * inputs {
-                forward::<X, NARROW>(mlp, x, workspace, out);
-            } else {
-                forward::<X, LANES>(mlp, x, workspace, out);
+            match x.len() / inputs {
+                0..=NARROWEST => forward::<X, NARROWEST>(mlp, x, workspace, out),
+                ..=NARROW => forward::<X, NARROW>(mlp, x, workspace, out),
+                _ => forward::<X, LANES>(mlp, x, workspace, out),
             }
         }
         check_outputs(out, outputs)
@@ -72,10 +73,10 @@ impl<X: Copy + Into<f64>> Kernel for Jacobian<'_, X> {
         check_inputs(mlp, x)?;
         let (inputs, per_point) = (mlp.inputs(), mlp.outputs() * mlp.inputs());
         for (x, out) in x.chunks(LANES * inputs).zip(out.chunks_mut(LANES * per_point)) {
-            if x.len() <= NARROW * inputs {
-                jacobian::<X, NARROW>(mlp, x, workspace, out);
-            } else {
-                jacobian::<X, LANES>(mlp, x, workspace, out);
+            match x.len() / inputs {
+                0..=NARROWEST => jacobian::<X, NARROWEST>(mlp, x, workspace, out),
+                ..=NARROW => jacobian::<X, NARROW>(mlp, x, workspace, out),
+                _ => jacobian::<X, LANES>(mlp, x, workspace, out),
             }
         }
         check_outputs(out, per_point)
