@@ -46,10 +46,12 @@ impl<X: Copy + Into<f64>> Kernel for Forward<'_, X> {
         check_inputs(mlp, x)?;
         let (inputs, outputs) = (mlp.inputs(), mlp.outputs());
         for (x, out) in x.chunks(LANES * inputs).zip(out.chunks_mut(LANES * outputs)) {
-            match x.len() / inputs {
-                0..=NARROWEST => forward::<X, NARROWEST>(mlp, x, workspace, out),
-                ..=NARROW => forward::<X, NARROW>(mlp, x, workspace, out),
-                _ => forward::<X, LANES>(mlp, x, workspace, out),
+            if x.len() <= NARROWEST * inputs {
+                forward::<X, NARROWEST>(mlp, x, workspace, out);
+            } else if x.len() <= NARROW * inputs {
+                forward::<X, NARROW>(mlp, x, workspace, out);
+            } else {
+                forward::<X, LANES>(mlp, x, workspace, out);
             }
         }
         check_outputs(out, outputs)
@@ -73,10 +75,12 @@ impl<X: Copy + Into<f64>> Kernel for Jacobian<'_, X> {
         check_inputs(mlp, x)?;
         let (inputs, per_point) = (mlp.inputs(), mlp.outputs() * mlp.inputs());
         for (x, out) in x.chunks(LANES * inputs).zip(out.chunks_mut(LANES * per_point)) {
-            match x.len() / inputs {
-                0..=NARROWEST => jacobian::<X, NARROWEST>(mlp, x, workspace, out),
-                ..=NARROW => jacobian::<X, NARROW>(mlp, x, workspace, out),
-                _ => jacobian::<X, LANES>(mlp, x, workspace, out),
+            if x.len() <= NARROWEST * inputs {
+                jacobian::<X, NARROWEST>(mlp, x, workspace, out);
+            } else if x.len() <= NARROW * inputs {
+                jacobian::<X, NARROW>(mlp, x, workspace, out);
+            } else {
+                jacobian::<X, LANES>(mlp, x, workspace, out);
             }
         }
         check_outputs(out, per_point)
