@@ -252,7 +252,7 @@ mod tests {
             let (inputs, outputs) = (sizes[0], sizes[sizes.len() - 1]);
             let mut scale = |n| Scale { mean: vector(n), std: vector(n).iter().map(|x| 1.1 + x).collect() };
             let mlp = Mlp::new(weights, biases, scale(inputs), scale(outputs)).unwrap();
-            for rows in [1, 8, 9, 15, 16, 17, 50, 100] {
+            for rows in [1, 4, 5, 8, 9, 15, 16, 17, 50, 100] {
                 let single: Vec<f32> = vector(rows * inputs).iter().map(|&x| 3.0 * x as f32).collect();
                 let double: Vec<f64> = single.iter().map(|&x| x.into()).collect();
                 let [y, slopes] = [outputs, outputs * inputs].map(|n| vec![0.0_f32; rows * n]);

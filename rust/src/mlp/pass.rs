@@ -7,8 +7,9 @@ use crate::simd::Kernel;
 
 /// Points that go through the network together, one in each lane of a line.
 const LANES: usize = 16;
-/// The same for a remainder that fits into half the lanes.
+/// The same for a remainder that fits into fewer lanes, such as the one point of a control loop.
 const NARROW: usize = 8;
+const NARROWEST: usize = 4;
 
 /// Buffers of a pass. They fit themselves to any network; keep one per thread, and calls allocate nothing.
 #[derive(Clone, Debug, Default)]
@@ -45,7 +46,9 @@ impl<X: Copy + Into<f64>> Kernel for Forward<'_, X> {
         check_inputs(mlp, x)?;
         let (inputs, outputs) = (mlp.inputs(), mlp.outputs());
         for (x, out) in x.chunks(LANES * inputs).zip(out.chunks_mut(LANES * outputs)) {
-            if x.len() <= NARROW * inputs {
+            if x.len() <= NARROWEST * inputs {
+                forward::<X, NARROWEST>(mlp, x, workspace, out);
+            } else if x.len() <= NARROW * inputs {
                 forward::<X, NARROW>(mlp, x, workspace, out);
             } else {
                 forward::<X, LANES>(mlp, x, workspace, out);
@@ -72,7 +75,9 @@ impl<X: Copy + Into<f64>> Kernel for Jacobian<'_, X> {
         check_inputs(mlp, x)?;
         let (inputs, per_point) = (mlp.inputs(), mlp.outputs() * mlp.inputs());
         for (x, out) in x.chunks(LANES * inputs).zip(out.chunks_mut(LANES * per_point)) {
-            if x.len() <= NARROW * inputs {
+            if x.len() <= NARROWEST * inputs {
+                jacobian::<X, NARROWEST>(mlp, x, workspace, out);
+            } else if x.len() <= NARROW * inputs {
                 jacobian::<X, NARROW>(mlp, x, workspace, out);
             } else {
                 jacobian::<X, LANES>(mlp, x, workspace, out);
@@ -157,9 +162,11 @@ fn load<X: Copy + Into<f64>, const W: usize>(mlp: &Mlp, x: &[X], block: &mut [[f
     for (row, x) in rows.iter_mut().zip(x.chunks_exact(inputs)) {
         *row = x;
     }
-    // From row to line: the other way round compilers scatter, which is slow where it exists.
     let scale = mlp.input.mean.iter().zip(&mlp.input_rates);
     for (i, (line, (mean, rate))) in block[..inputs].iter_mut().zip(scale).enumerate() {
+        // One input at a time: a compiler that sees several makes vectors of them and scatters those over the
+        // lines, which is slow.
+        let i = std::hint::black_box(i).min(inputs - 1);
         *line = rows.map(|row| ((row[i].into() - mean) * rate) as f32);
     }
 }
