@@ -213,7 +213,7 @@ fn stereo(c: &mut Criterion) {
         c.bench_function(&format!("stereo/triangular, {name}"), |b| {
             b.iter(|| {
                 if threads {
-                    parallel::for_each(&mut eyes, &work);
+                    parallel::for_each(&mut eyes, work);
                 } else {
                     eyes.iter_mut().for_each(|eye| work(0, eye));
                 }

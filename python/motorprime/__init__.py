@@ -26,12 +26,14 @@ from .landscape import (
     gibbs_sample,
     kernel_landscape,
     kernel_landscapes,
+    sample,
     threshold,
 )
 from .motorplan import motorplan_landscape
 from .peripersonal import ReachCloud, fit_gaussian, fit_peripersonal
 from .projection import KinematicProjection, PinholeProjection, PosedProjection, Projection
 from .robot import ICUB, Robot
+from .step import Attended, attention_step
 
 __version__ = _version("motorprime")
 
@@ -39,6 +41,7 @@ __all__ = [
     "ICUB",
     "ArgumentError",
     "ArgumentTypeError",
+    "Attended",
     "Attention",
     "Camera",
     "Detections",
@@ -63,6 +66,7 @@ __all__ = [
     "UnreachableError",
     "Windows",
     "__version__",
+    "attention_step",
     "fit_gaussian",
     "fit_peripersonal",
     "gaussian_landscape",
@@ -71,5 +75,6 @@ __all__ = [
     "kernel_landscape",
     "kernel_landscapes",
     "motorplan_landscape",
+    "sample",
     "threshold",
 ]

@@ -313,7 +313,7 @@ def sample(
     return _core.sample(landscape, n, random_bits(seed), min_distance, out)
 
 
-def _seed(seed: Seed) -> int:
+def random_bits(seed: Seed) -> int:
     """The 64 bits that start the kernels' generator."""
     if seed is None:
         return int.from_bytes(os.urandom(8), "little")

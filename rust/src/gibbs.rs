@@ -67,9 +67,11 @@ impl<'a> Gibbs<'a> {
         Ok(())
     }
 
-    /// Starts at an exact draw from the landscape, so that no sweep needs to be dropped.
+    /// Starts in a row drawn by the rows' masses. With the column that the first sweep draws from it that is an
+    /// exact draw from the landscape, so no sweep needs to be dropped.
     pub fn start_drawn(&mut self, rng: &mut Xoshiro256PlusPlus) {
-        [_, self.v] = self.masses.draw_pixel(self.landscape, uniform(rng));
+        let Self { simd, landscape, masses, .. } = self;
+        self.v = simd.run(Start { landscape, masses, x: uniform(rng) });
     }
 
     /// Makes at most `sweeps` sweeps and writes the pixels (u, v) of those that the schedule keeps to `out`,
@@ -82,6 +84,21 @@ impl<'a> Gibbs<'a> {
         out: &mut [i32],
     ) -> usize {
         self.simd.run(Sweeps { chain: self, rng, sweeps, schedule, out })
+    }
+}
+
+struct Start<'c> {
+    landscape: &'c [f32],
+    masses: &'c mut Masses,
+    x: f64,
+}
+
+impl Kernel for Start<'_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run(self) -> usize {
+        self.masses.draw_first_row(self.landscape, self.x)
     }
 }
 

@@ -83,6 +83,18 @@ impl Masses {
         self.row(landscape, v).last().copied().unwrap_or(0.0)
     }
 
+    /// Draws a row from the masses of all rows; `x` in `[0, 1)` is uniform.
+    #[inline(always)]
+    pub(crate) fn draw_first_row(&mut self, landscape: &[f32], x: f64) -> usize {
+        let (down, rest) = invert(self.image(), x);
+        let start = down * BLOCK;
+        let mut masses = [0.0; BLOCK];
+        for (row, mass) in (start..self.height).zip(&mut masses) {
+            *mass = self.row_mass(landscape, row);
+        }
+        start + within(&masses, |&mass| mass, rest).0
+    }
+
     /// Draws a column from row `v`; `x` in `[0, 1)` is uniform.
     #[inline(always)]
     pub(crate) fn draw_column(&mut self, landscape: &[f32], v: usize, x: f64) -> usize {
@@ -106,15 +118,21 @@ impl Masses {
     /// The inversion takes the pixels in the order block of rows, column, row.
     #[inline(always)]
     pub(crate) fn draw_pixel(&mut self, landscape: &[f32], x: f64) -> [usize; 2] {
+        let (down, rest) = invert(self.image(), x);
         let (sums, bands, width) = (&self.sums, &mut self.bands, self.width);
-        let table = self.image.line(0, |k| band(bands, sums, width, k).last().copied().unwrap_or(0.0));
-        let (down, rest) = invert(table, x);
         let (across, rest) = find(band(bands, sums, width, down), rest);
         let start = across * BLOCK;
         let sums = &sums[down * width..(down + 1) * width];
         let (column, rest) = within(&sums[start..width.min(start + BLOCK)], |&sum| sum, rest);
         let u = start + column;
         [u, self.within_column(landscape, down, u, rest)]
+    }
+
+    /// The table of all blocks of rows.
+    #[inline(always)]
+    fn image(&mut self) -> &[f64] {
+        let (sums, bands, width) = (&self.sums, &mut self.bands, self.width);
+        self.image.line(0, |k| band(bands, sums, width, k).last().copied().unwrap_or(0.0))
     }
 
     #[inline(always)]
