@@ -77,7 +77,7 @@ def sample(
     landscape: _Array, n: int, seed: int, min_distance: float, out: npt.NDArray[np.int32] | None, /
 ) -> npt.NDArray[np.int32]: ...
 def attention_step(
-    cameras: list[tuple[str, Any, tuple[int, int], float, _Landscape, Any]],
+    cameras: list[tuple[str, Any, tuple[int, int], float | tuple[float, float], _Landscape, Any]],
     points: _Rows | None,
     joints: _Numbers | None,
     kernel: str,
@@ -89,6 +89,7 @@ def attention_step(
     threads: bool,
     /,
 ) -> list[float | bool | None]: ...
+
 @final
 class Mlp:
     """A small feed-forward network: tanh on every layer but the last, which is linear."""

@@ -290,8 +290,8 @@ def sample(
     a landscape get their share in every call. One number of the generator makes one sample, by inverse
     transform sampling over blocks.
 
-    With a ``min_distance`` the windows do not crowd: each sample is drawn from the pixels that are at least so
-    far from all samples before it, again in proportion to their values.
+    With a ``min_distance`` the windows do not crowd: each sample is drawn from the pixels that are at least
+    so far from all samples before it, again in proportion to their values.
 
     Args:
         landscape: (H, W) float32 or float64, finite and >= 0, not zero everywhere. Computed in float32.
@@ -302,8 +302,8 @@ def sample(
         out: (n, 2) C-contiguous int32 array to write to, instead of a new one.
 
     Returns:
-        (n, 2) int32 pixels (u, v). Fewer rows where no positive pixel is left at that distance; then it is the
-        beginning of ``out`` if that was given.
+        (n, 2) int32 pixels (u, v). Fewer rows where no positive pixel is left at that distance; then it is
+        the beginning of ``out`` if that was given.
 
     Raises:
         ArgumentError: The landscape is zero everywhere or has a pixel that is negative or not finite, or

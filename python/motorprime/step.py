@@ -53,7 +53,7 @@ def attention_step(
     windows: int | None = None,
     fraction: float | None = None,
     count: int | None = None,
-    width: float | None = None,
+    width: float | tuple[float, float] | None = None,
     kernel: KernelName = "triangular",
     cutoff: float = 3.0,
     mixing: float = 1.0,
@@ -79,7 +79,8 @@ def attention_step(
         windows: number of windows, whose centres are Gibbs samples from an exact start (section IV-B); or
         fraction: share of each image to look at, its most relevant pixels (section IV-A); or
         count: number of pixels to look at.
-        width: kernel width [px]; default 40 in an image 320 wide, scaled with the image.
+        width: kernel width [px], one number or (horizontal, vertical); default 40 in an image 320 wide,
+            scaled with the image.
         kernel: 'triangular' or 'gaussian'.
         cutoff: radius of the ellipses in standard deviations.
         mixing: pi of Eq. 10 for the ellipses, 1 for thresholds, about 0.2 for windows.

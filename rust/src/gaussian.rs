@@ -81,19 +81,27 @@ impl Gaussian {
         let z2 = ((v as f64 - self.mean[1]) - l2 * first) / l3;
         let (z1, z2) = ((first * scale) as f32, (z2 * scale) as f32);
         let (step, shear) = (step as f32, shear as f32);
-        let at = |k: usize| {
-            let k = k as i32 as f32;
-            let (z1, z2) = (z1 + k * step, z2 + k * shear);
-            pi * exp2_nonpositive(-(z1 * z1 + z2 * z2)) + uniform
+        let steps: [[f32; LANES]; 2] =
+            [step, shear].map(|step| std::array::from_fn(|i| i as i32 as f32 * step));
+        let chunk = |chunk: usize| -> [f32; LANES] {
+            let done = (chunk * LANES) as i32 as f32;
+            let (z1, z2) = (z1 + done * step, z2 + done * shear);
+            std::array::from_fn(|i| {
+                let (z1, z2) = (z1 + steps[0][i], z2 + steps[1][i]);
+                exp2_nonpositive(-(z1 * z1 + z2 * z2))
+            })
         };
+        let mix = |g: [f32; LANES]| -> [f32; LANES] { g.map(|g| pi * g + uniform) };
         // The odd end of a row is computed with full registers too, and thrown away beyond the last pixel.
         let (chunks, rest) = pixels.as_chunks_mut::<LANES>();
-        let done = chunks.len() * LANES;
-        for (chunk, pixels) in chunks.iter_mut().enumerate() {
-            *pixels = std::array::from_fn(|i| at(chunk * LANES + i));
+        let last = chunk(chunks.len());
+        if pi == 1.0 {
+            chunks.iter_mut().enumerate().for_each(|(k, pixels)| *pixels = chunk(k));
+            rest.copy_from_slice(&last[..rest.len()]);
+        } else {
+            chunks.iter_mut().enumerate().for_each(|(k, pixels)| *pixels = mix(chunk(k)));
+            rest.copy_from_slice(&mix(last)[..rest.len()]);
         }
-        let last: [f32; LANES] = std::array::from_fn(|i| at(done + i));
-        rest.copy_from_slice(&last[..rest.len()]);
     }
 
     fn check(&self) -> Result<()> {

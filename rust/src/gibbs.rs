@@ -67,8 +67,7 @@ impl<'a> Gibbs<'a> {
         Ok(())
     }
 
-    /// Starts in a row drawn by the rows' masses. With the column that the first sweep draws from it that is an
-    /// exact draw from the landscape, so no sweep needs to be dropped.
+    /// Starts at an exact draw from the landscape, so that no sweep needs to be dropped.
     pub fn start_drawn(&mut self, rng: &mut Xoshiro256PlusPlus) {
         let Self { simd, landscape, masses, .. } = self;
         self.v = simd.run(Start { landscape, masses, x: uniform(rng) });
@@ -98,7 +97,7 @@ impl Kernel for Start<'_> {
 
     #[inline(always)]
     fn run(self) -> usize {
-        self.masses.draw_first_row(self.landscape, self.x)
+        self.masses.draw_pixel(self.landscape, self.x)[1]
     }
 }
 

@@ -40,7 +40,7 @@ struct Camera<'py> {
     name: String,
     source: Source<'py>,
     shape: Shape,
-    width: f64,
+    width: [f64; 2],
     landscape: PyReadwriteArray2<'py, f32>,
     target: Target<'py>,
 }
@@ -116,7 +116,7 @@ pub fn attention_step<'py>(
             let view = View {
                 shape: camera.shape,
                 map,
-                width: [camera.width; 2],
+                width: camera.width,
                 seed: seed.wrapping_add(k),
                 landscape: camera.landscape.as_slice_mut()?,
                 look,
@@ -165,8 +165,20 @@ impl<'py> Camera<'py> {
             Some(wanted) => Target::Mask(wanted, writable::<bool, Ix2>(of_out("mask"), &look, &size, &[])?),
         };
         let landscape = writable::<f32, Ix2>(of_out("landscape"), &landscape, &size, &[&map])?;
-        Ok(Self { source, shape, width: real("width", &width)?, landscape, target, name })
+        Ok(Self { source, shape, width: sides(&width)?, landscape, target, name })
     }
+}
+
+/// A kernel width: a number or (horizontal, vertical).
+fn sides(width: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
+    let Ok(pair) = width.cast::<PyTuple>() else {
+        return real("width", width).map(|h| [h, h]);
+    };
+    if pair.len() != 2 {
+        let found = format!("a tuple of {}", pair.len());
+        return Err(Error::shape("width", "a number or (horizontal, vertical)", found).into());
+    }
+    Ok([real("width", &pair.get_item(0)?)?, real("width", &pair.get_item(1)?)?])
 }
 
 impl<'py> Source<'py> {

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ...landscape import sample
 from ..scene import Floats, Floats32
 
 Samples = npt.NDArray[np.int32]
@@ -40,11 +41,25 @@ def first_uniforms(seed: int, count: int) -> list[float]:
     return list(itertools.islice(uniforms(seed), count))
 
 
+def chain_uniforms(landscape: Floats32, seed: int, n: int) -> list[float]:
+    """The numbers with which :func:`gibbs` repeats the kernel's chain of ``n`` sweeps from a seed.
+
+    The kernel starts at a pixel drawn by an order of its own and goes on from its row. The first number is
+    therefore replaced by one that makes a draw by sums of rows begin in that row.
+    """
+    numbers = first_uniforms(seed, 2 * n + 1)
+    v = int(sample(landscape, 1, seed=seed)[0, 1])
+    ends = np.cumsum(_row_sums(landscape), dtype=np.float64)
+    start = ends[v - 1] if v else 0.0
+    numbers[0] = float((start + ends[v]) / 2 / ends[-1])
+    return numbers
+
+
 def _rotate(x: int, k: int) -> int:
     return ((x << k) | (x >> (64 - k))) & MASK
 
 
-def gibbs(landscape: Floats32, n: int, x: Sequence[float], dtype: type[np.floating[Any]]) -> Samples:
+def gibbs(landscape: Floats32, n: int, x: Sequence[float]) -> Samples:
     """The kernel's chain from ``2 n + 1`` uniform numbers: tables only of the lines it comes by."""
     accumulate = np.add.accumulate
     rows: dict[int, npt.NDArray[Any]] = {}
@@ -55,11 +70,11 @@ def gibbs(landscape: Floats32, n: int, x: Sequence[float], dtype: type[np.floati
     for k in range(1, 2 * n, 2):
         row = rows.get(v)
         if row is None:
-            row = rows[v] = accumulate(landscape[v], dtype=dtype)
+            row = rows[v] = accumulate(landscape[v], dtype=np.float64)
         u = int(row.searchsorted(x[k] * row[-1], "right"))
         column = columns.get(u)
         if column is None:
-            column = columns[u] = accumulate(landscape[:, u], dtype=dtype)
+            column = columns[u] = accumulate(landscape[:, u], dtype=np.float64)
         v = int(column.searchsorted(x[k + 1] * column[-1], "right"))
         chain.append((u, v))
     return np.array(chain, dtype=np.int32)
@@ -67,7 +82,8 @@ def gibbs(landscape: Floats32, n: int, x: Sequence[float], dtype: type[np.floati
 
 def gibbs_all_tables(landscape: Floats32, n: int, x: Sequence[float]) -> Samples:
     """The same chain with the tables of all lines made at once."""
-    rows, columns = np.cumsum(landscape, axis=1), np.cumsum(landscape, axis=0)
+    rows = np.cumsum(landscape, axis=1, dtype=np.float64)
+    columns = np.cumsum(landscape, axis=0, dtype=np.float64)
     masses = np.cumsum(rows[:, -1], dtype=np.float64)
     v = int(masses.searchsorted(x[0] * masses[-1], "right"))
     chain = []

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-import numpy as np
 
 from ..scene import WINDOWS, Floats32, Scene
 from . import sampling
@@ -20,12 +17,10 @@ class Step:
         scene: Where the networks and the size of the image come from.
         width: Kernel width of the plan at 320 x 240 [px].
         groups: Groups of points in the landscape's product.
-        dtype: Of the sampler's tables.
     """
 
-    def __init__(self, scene: Scene, width: float, groups: int, dtype: type[np.floating[Any]]) -> None:
+    def __init__(self, scene: Scene, width: float, groups: int) -> None:
         count = len(scene.plan)
-        self.dtype = dtype
         self.networks = [Augmented(scene.network(eye), count) for eye in range(2)]
         self.landscapes = [Matmul(count, scene.shape, scene.width(width), groups) for _ in range(2)]
 
@@ -37,5 +32,5 @@ class Step:
         for network, landscape, draw in zip(self.networks, self.landscapes, draws, strict=True):
             network.inputs[:, :3], network.inputs[:, 3:-1] = plan, joints
             relevance = landscape(network.filled())
-            looks.append((relevance, sampling.gibbs(relevance, WINDOWS, draw, self.dtype)))
+            looks.append((relevance, sampling.gibbs(relevance, WINDOWS, draw)))
         return looks
