@@ -1,7 +1,7 @@
 //! Gaussian product kernels, cut at 5 widths.
 //!
 //! A sum of separable kernels is a product of two thin matrices. Points go through in groups whose horizontal
-//! factors fit the caches, and four at a time over every row, so that the row is not read and written for each.
+//! factors fit the caches, four at a time over two rows, so that neither rows nor factors are read for each.
 
 use super::Trajectory;
 use crate::math::exp_nonpositive;
@@ -33,9 +33,10 @@ pub(super) struct Buffers {
     across: Vec<f32>,
     /// Vertical factors, on the rows that the kernel reaches.
     down: Vec<f32>,
-    /// The kernels that reach the row at hand.
+    /// The kernels that reach the rows at hand.
     active: Vec<Bump>,
-    row: Vec<f32>,
+    /// Two rows of a group, or the row below the image.
+    rows: Vec<f32>,
     sums: Vec<f64>,
 }
 
@@ -69,25 +70,29 @@ impl Kernel for Product<'_> {
         let Self { trajectory, shape, total, buffers, support, out } = self;
         let (width, points) = (shape.width(), trajectory.points.len());
         support.clear(shape);
+        let mut spare = std::mem::take(&mut buffers.rows);
+        spare.resize(2 * width, 0.0);
         if points <= GROUP {
             buffers.factors(trajectory, 0..points, shape, total, support);
-            for (v, row) in out.chunks_exact_mut(width).enumerate() {
-                row.fill(0.0);
-                buffers.add_row(v as u32, row);
+            for (pair, rows) in out.chunks_mut(2 * width).enumerate() {
+                rows.fill(0.0);
+                let (first, second) = rows.split_at_mut(width);
+                let second = if second.is_empty() { &mut spare[..width] } else { second };
+                buffers.add(2 * pair as u32, first, second);
             }
+            buffers.rows = spare;
             return;
         }
         let mut sums = std::mem::take(&mut buffers.sums);
         sums.clear();
         sums.resize(shape.pixels(), 0.0);
-        let mut row = std::mem::take(&mut buffers.row);
-        row.resize(width, 0.0);
         for start in (0..points).step_by(GROUP) {
             buffers.factors(trajectory, start..points.min(start + GROUP), shape, total, support);
-            for (v, sums) in sums.chunks_exact_mut(width).enumerate() {
-                row.fill(0.0);
-                buffers.add_row(v as u32, &mut row);
-                for (sum, &x) in sums.iter_mut().zip(&row) {
+            for (pair, sums) in sums.chunks_mut(2 * width).enumerate() {
+                spare.fill(0.0);
+                let (first, second) = spare.split_at_mut(width);
+                buffers.add(2 * pair as u32, first, second);
+                for (sum, &x) in sums.iter_mut().zip(&spare) {
                     *sum += f64::from(x);
                 }
             }
@@ -95,7 +100,7 @@ impl Kernel for Product<'_> {
         for (value, &sum) in out.iter_mut().zip(&sums) {
             *value = sum as f32;
         }
-        (buffers.sums, buffers.row) = (sums, row);
+        (buffers.sums, buffers.rows) = (sums, spare);
     }
 }
 
@@ -136,11 +141,11 @@ impl Buffers {
         }
     }
 
-    /// Adds the kernels of the group that reach row `v`.
+    /// Adds the kernels of the group to rows `v` and `v + 1`.
     #[inline(always)]
-    fn add_row(&mut self, v: u32, row: &mut [f32]) {
+    fn add(&mut self, v: u32, first: &mut [f32], second: &mut [f32]) {
         self.active.clear();
-        self.active.extend(self.bumps.iter().filter(|b| b.rows[0] <= v && v < b.rows[1]));
+        self.active.extend(self.bumps.iter().filter(|b| b.rows[0] <= v + 1 && v < b.rows[1]));
         for together in self.active.chunks(TOGETHER) {
             let left = together.iter().map(|b| b.columns[0]).min().unwrap_or(0) as usize;
             let right = together.iter().map(|b| b.columns[1]).max().unwrap_or(0) as usize;
@@ -148,12 +153,19 @@ impl Buffers {
             let bump = |k: usize| together.get(k).unwrap_or(&together[0]);
             let across: [&[f32]; TOGETHER] =
                 std::array::from_fn(|k| &self.across[bump(k).across..][left..right]);
-            let down: [f32; TOGETHER] = std::array::from_fn(|k| {
-                together.get(k).map_or(0.0, |b| self.down[b.down + (v - b.rows[0]) as usize])
-            });
-            let [a, b, c, d] = across;
-            for ((((x, a), b), c), d) in row[left..right].iter_mut().zip(a).zip(b).zip(c).zip(d) {
-                *x += (down[0] * a + down[1] * b) + (down[2] * c + down[3] * d);
+            let down = |v: u32| -> [f32; TOGETHER] {
+                std::array::from_fn(|k| match together.get(k) {
+                    Some(b) if b.rows[0] <= v && v < b.rows[1] => {
+                        self.down[b.down + (v - b.rows[0]) as usize]
+                    }
+                    _ => 0.0,
+                })
+            };
+            let ([a, b, c, d], f, s) = (across, down(v), down(v + 1));
+            let rows = first[left..right].iter_mut().zip(&mut second[left..right]);
+            for (((((x, y), a), b), c), d) in rows.zip(a).zip(b).zip(c).zip(d) {
+                *x += (f[0] * a + f[1] * b) + (f[2] * c + f[3] * d);
+                *y += (s[0] * a + s[1] * b) + (s[2] * c + s[3] * d);
             }
         }
     }

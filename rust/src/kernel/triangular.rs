@@ -25,7 +25,7 @@ use crate::simd::{Kernel, Simd};
 use crate::support::Support;
 
 /// Profiles and rows begin and end at multiples of this many columns, so that loops have no odd ends.
-const LANES: usize = 16;
+const LANES: usize = 8;
 /// Bits of the number of steps in the narrowest kernel of a batch.
 const GRID_BITS: i32 = 22;
 /// Widths of one batch differ by less than this many octaves, so that the widest has few bits more.
