@@ -4,7 +4,7 @@
 //! factors fit the caches, four at a time over two rows, so that neither rows nor factors are read for each.
 
 use super::Trajectory;
-use crate::math::exp_nonpositive;
+use crate::math::exp2_nonpositive;
 use crate::shape::{Shape, pixels_between};
 use crate::simd::{Kernel, Simd};
 use crate::support::Support;
@@ -171,15 +171,16 @@ impl Buffers {
     }
 }
 
-/// `height exp(-z^2 / 2)` with `z = (p - centre) / width` for the pixels `p` from `first`; 0 for `|z| > 5`.
+/// `height exp(-z^2 / 2)` with `z = (p - centre) / width` for the pixels `p` from `first`, all with `|z| <= 5`.
 #[inline(always)]
 fn profile(first: usize, centre: f64, width: f64, height: f32, out: &mut [f32]) {
-    let (inverse, limit) = (1.0 / width, REACH * width);
+    // Scaled by the root of log2(e) / 2, the square is the exponent of 2. The first offset is formed in
+    // float64, where a narrow kernel may be far from the origin; from there steps are small. The bound is for
+    // a lone pixel, which takes no step.
+    let scale = (0.5 * std::f64::consts::LOG2_E).sqrt() / width;
+    let (start, step) = (((first as f64 - centre) * scale) as f32, scale.min(1e30) as f32);
     for (i, value) in out.iter_mut().enumerate() {
-        // Offsets are formed in float64: float32 is too coarse for a narrow kernel far from the origin.
-        let d = f64::from(first as i32 + i as i32) - centre;
-        let z = (d * inverse) as f32;
-        let k = height * exp_nonpositive(-0.5 * z * z);
-        *value = if d.abs() <= limit { k } else { 0.0 };
+        let z = start + i as i32 as f32 * step;
+        *value = height * exp2_nonpositive(-(z * z));
     }
 }
