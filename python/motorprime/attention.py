@@ -19,6 +19,7 @@ from .landscape import KernelName, gaussian_landscape, gibbs_sample, threshold
 from .motorplan import motorplan_landscape, pixel_landscapes
 from .peripersonal import ProjectedGaussian, ReachCloud, fit_peripersonal
 from .projection import Projection
+from .step import attention_step
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +153,40 @@ class Attention:
     ) -> dict[str, Look]:
         """The second half of :meth:`motor_plan`: landscapes of projected paths {camera: (N, 2)} [px]."""
         return _seen(pixel_landscapes(pixels, self.projection.shapes, width=width, kernel=kernel))
+
+    def step(
+        self,
+        pixels: Mapping[str, Floats],
+        *,
+        windows: int,
+        size: int = 20,
+        width: float | None = None,
+        kernel: KernelName = "triangular",
+        seed: int | np.random.Generator | None = None,
+    ) -> tuple[dict[str, Look], dict[str, Windows]]:
+        """:meth:`motor_plan_from` and :meth:`Look.windows` in one call, see :func:`attention_step`.
+
+        Args:
+            pixels: {camera: (N, 2)} projected path; NaN rows are points that the camera does not see.
+            windows: number of windows per camera.
+            size: of the windows [px].
+            width: kernel width [px]; default 40 at 320 x 240, scaled with the image.
+            kernel: 'triangular' or 'gaussian'.
+            seed: as in :func:`attention_step`.
+
+        Raises:
+            ArgumentError: an unknown camera, or pixels of another shape.
+            NotInViewError: only NaN rows in every camera.
+        """
+        shapes = self.projection.shapes
+        attended = attention_step(
+            None, shapes, pixels=pixels, windows=windows, width=width, kernel=kernel, seed=seed
+        )
+        looks, where = {}, {}
+        for camera, seen in attended.items():
+            assert seen.centres is not None
+            looks[camera], where[camera] = Look(seen.landscape), Windows(seen.centres, size)
+        return looks, where
 
 
 def _seen(landscapes: Mapping[str, NDArray[np.float32]]) -> dict[str, Look]:

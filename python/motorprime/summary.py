@@ -9,8 +9,8 @@ import numpy as np
 
 History: TypeAlias = list[dict[str, Any]]
 
-STAGES = ("projection", "landscape", "sampling", "detection", "triangulation")
-"""The stages of a vision cycle with attention, in their order."""
+STAGES = ("projection", "landscape", "sampling", "attention", "detection", "triangulation")
+"""The stages of a vision cycle with attention, in their order. Attention is landscape and sampling in one."""
 
 
 def summarise(history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -30,7 +30,7 @@ def summarise(history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {
         "cycles": {"total": len(phases)} | {phase: phases.count(phase) for phase in dict.fromkeys(phases)},
         "stages_ms": {
-            stage: spread([1e3 * record["seconds"].get(stage, 0.0) for record in history])
+            stage: spread([1e3 * r["seconds"][stage] for r in history if stage in r["seconds"]])
             for stage in stages_of(history)
         },
         "attended_ms": attended,

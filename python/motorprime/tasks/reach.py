@@ -20,6 +20,7 @@ from ..control.gaze import fixate
 from ..control.path import PalmPath, minimum_jerk, plan_path
 from ..control.reaching import Bench, Pregrasp, ReachSolver
 from ..cylinder import Located
+from ..detectors.base import Where
 from ..errors import ArgumentTypeError, NotInViewError, UnreachableError
 from ..projection import PosedProjection
 from .body import Body
@@ -167,7 +168,9 @@ class Reach:
                 looks = self.finder.complete(looks, views)
         except NotInViewError:
             return None
-        return self._look(phase, joints, images, views, looks, before)
+        with self.stages.time("sampling"):
+            where = windows_from(looks, self.settings.windows, self.settings.size, self.generator)
+        return self._look(phase, joints, images, views, looks, where, before)
 
     def _look(
         self,
@@ -176,12 +179,11 @@ class Reach:
         images: Mapping[str, NDArray[np.uint8]],
         views: Mapping[str, PosedCamera],
         looks: Mapping[str, Look],
+        where: Mapping[str, Where],
         before: Mapping[str, int],
         path: Floats | None = None,
         path_pixels: Mapping[str, Floats] | None = None,
     ) -> Cycle:
-        with self.stages.time("sampling"):
-            where = windows_from(looks, self.settings.windows, self.settings.size, self.generator)
         sight = self.finder.look(images, views, where)
         if sight.located is not None:
             self._believe(sight.located)
@@ -346,18 +348,26 @@ class Reach:
             views = self.projection.posed(joints)
             pixels = {camera: view.project(plan) for camera, view in views.items()}
         try:
-            with self.stages.time("landscape"):
-                looks = self.attention.motor_plan_from(pixels, width=self.settings.width)
+            with self.stages.time("attention"):
+                looks, where = self.attention.step(
+                    pixels,
+                    windows=self.settings.windows,
+                    size=self.settings.size,
+                    width=self.settings.width,
+                    seed=self.generator,
+                )
         except NotInViewError:
-            looks = {}
-        return self._look("reach", joints, images, views, looks, before, plan, pixels)
+            looks, where = {}, {}
+        return self._look("reach", joints, images, views, looks, where, before, plan, pixels)
 
     def _mark(self) -> dict[str, int]:
         return {stage: len(values) for stage, values in self.stages.seconds.items()}
 
     def _since(self, before: Mapping[str, int]) -> dict[str, float]:
         return {
-            stage: float(sum(values[before.get(stage, 0) :])) for stage, values in self.stages.seconds.items()
+            stage: float(sum(values[before.get(stage, 0) :]))
+            for stage, values in self.stages.seconds.items()
+            if len(values) > before.get(stage, 0)
         }
 
 
