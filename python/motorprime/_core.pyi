@@ -12,6 +12,7 @@ __all__ = [
     "gaussian_landscape",
     "gaussian_landscapes",
     "gibbs_sample",
+    "instruction_set",
     "kernel_landscape",
     "kernel_landscapes",
     "sample",
@@ -73,6 +74,9 @@ def gibbs_sample(
     out: npt.NDArray[np.int32] | None,
     /,
 ) -> npt.NDArray[np.int32]: ...
+def instruction_set() -> str:
+    """Return the instruction set that the kernels run on: 'baseline', 'avx2' or 'avx512'."""
+
 def sample(
     landscape: _Array, n: int, seed: int, min_distance: float, out: npt.NDArray[np.int32] | None, /
 ) -> npt.NDArray[np.int32]: ...

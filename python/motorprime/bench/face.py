@@ -13,7 +13,7 @@ from ..evaluate.common import write_json
 from . import suite
 from .child import measure_in_child
 from .picture import check_picture, draw
-from .table import STAR, disturbed, markdown, missed, sizes_table, table
+from .table import STAR, disturbed, markdown, missed, sizes_table, table, two_threads
 
 BEGIN, END = "<!-- motorprime bench: begin -->", "<!-- motorprime bench: end -->"
 
@@ -51,6 +51,8 @@ def bench(
 
         result = measure_in_child(kernels, seed, quick, report)
     out.print(table(result, out.width))
+    if words := two_threads(result):
+        out.print(words, highlight=False)
     if (larger := sizes_table(result)) is not None:
         out.print(larger)
     if disturbed(result):

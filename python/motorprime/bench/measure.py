@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from .. import _core
 from . import suite
 from .cases import Case
 from .copying import Copy
@@ -144,6 +145,7 @@ def entry(case: Case, scene: Scene, times: Mapping[str, Times], unit: float, flo
         "best_peer": best,
         "best_peer_us": peers[best]["us"],
         "speedup": peers[best]["speedup"],
+        "beside": {name: times[f"beside {name}"].median for name in case.beside},
         **{f"times_{name}": ours.over(times[f"beside {name}"]) for name in case.beside if ours},
         "peers": peers,
         "absent_peers": dict(case.absent),
@@ -202,7 +204,7 @@ def machine(flops: float) -> dict[str, Any]:
         "cpu": _cpu(),
         "cores": os.cpu_count(),
         "threads": 1,
-        "simd": os.environ.get("MOTORPRIME_SIMD") or "best",
+        "simd": _core.instruction_set(),
         "gflops": flops,
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),

@@ -56,6 +56,8 @@ def markdown(result: Mapping[str, Any]) -> str:
         "",
         *_markdown(COLUMNS, _rows(result)),
     ]
+    if words := two_threads(result):
+        lines += ["", words]
     sized = list(_size_rows(result))
     if sized:
         lines += ["", "The same in larger images, lengths stretched with the image:", ""]
@@ -69,6 +71,15 @@ def markdown(result: Mapping[str, Any]) -> str:
         *_markdown(("kernel", "peers"), _peers(result)),
     ]
     return "\n".join(lines) + "\n"
+
+
+def two_threads(result: Mapping[str, Any]) -> str:
+    """What a second thread makes of the whole step; empty where it was not measured."""
+    seen = result["kernels"].get("attention_step")
+    if seen is None or seen["ours_us"] is None:
+        return ""
+    us = seen["beside"]["two_threads"]
+    return f"attention_step with both eyes side by side on two threads: {us:.1f} us."
 
 
 def disturbed(result: Mapping[str, Any]) -> bool:

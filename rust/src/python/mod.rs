@@ -12,9 +12,17 @@ mod threshold;
 
 use pyo3::prelude::*;
 
+/// The instruction set that the kernels run on.
+#[pyfunction]
+fn instruction_set() -> &'static str {
+    crate::simd::Simd::best().name()
+}
+
 /// Kernels of motorprime. The documented faces of these functions are in the package's own modules.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::instruction_set;
     #[pymodule_export]
     use super::landscape::{gaussian_landscape, gaussian_landscapes, kernel_landscape, kernel_landscapes};
     #[pymodule_export]
