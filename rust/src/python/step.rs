@@ -68,6 +68,8 @@ pub fn attention_step<'py>(
         (None, Some(count)) => Some(Wanted::Count(whole("count", count, 1)?)),
         (None, None) => None,
     };
+    // Named whether or not a camera sees anything.
+    wanted.map(|wanted| wanted.of(1, 1)).transpose()?;
     let given = points.map(|p| rows::<3>("points", p)).transpose()?;
     let joints = joints.map_or(Ok(Vec::new()), |j| list("joints", j))?;
     if let Some(at) = joints.iter().position(|x| !x.is_finite()) {
@@ -188,6 +190,12 @@ impl<'py> Source<'py> {
             }
             return Ok(Self::Matrix(flat));
         }
-        Ok(Self::Pixels(rows::<2>(format!("pixels['{camera}']"), map)?))
+        let name = format!("pixels['{camera}']");
+        let pixels = rows::<2>(name.clone(), map)?;
+        if let Some(at) = pixels.as_flattened().iter().position(|x| x.is_infinite()) {
+            let value = pixels.as_flattened()[at];
+            return Err(Error::element(name, &[at / 2, at % 2], "finite or NaN", value).into());
+        }
+        Ok(Self::Pixels(pixels))
     }
 }
