@@ -49,7 +49,7 @@ def attention_step(
     points: Rows | None = None,
     joints: Numbers | None = None,
     *,
-    pixels: Mapping[str, npt.NDArray[np.floating[Any]]] | None = None,
+    pixels: Mapping[str, Rows] | None = None,
     windows: int | None = None,
     fraction: float | None = None,
     count: int | None = None,
@@ -134,12 +134,12 @@ def attention_step(
 
 def _sources(
     maps: Mapping[str, CameraMap] | None,
-    pixels: Mapping[str, npt.NDArray[np.floating[Any]]] | None,
+    pixels: Mapping[str, Rows] | None,
     points: Rows | None,
-) -> Mapping[str, CameraMap]:
+) -> Mapping[str, CameraMap | Rows]:
     if (maps is None) == (pixels is None):
         raise ArgumentError("maps, pixels: give exactly one of them")
-    sources = pixels if maps is None else maps
+    sources: Mapping[str, CameraMap | Rows] | None = pixels if maps is None else maps
     name = "pixels" if maps is None else "maps"
     _check_mapping(name, sources)
     if not sources:
@@ -147,14 +147,13 @@ def _sources(
     for camera, source in sources.items():
         if not isinstance(camera, str):
             raise ArgumentTypeError(f"{name}: expected names of cameras, got {camera!r}")
-        size = source.shape if isinstance(source, np.ndarray) else None
-        matrix = size == (3, 4)
-        if pixels is not None and size is None:
-            raise ArgumentTypeError(f"pixels['{camera}']: expected an array (N, 2), got {_describe(source)}")
-        if pixels is not None and size is not None and size[1:] != (2,):
+        matrix = isinstance(source, np.ndarray) and source.shape == (3, 4)
+        network = isinstance(source, _core.Mlp)
+        if pixels is not None and (matrix or network):
             raise ArgumentError(f"pixels['{camera}']: expected an array (N, 2), got {_describe(source)}")
-        if maps is not None and not matrix and not isinstance(source, _core.Mlp):
-            raise ArgumentTypeError(
+        if maps is not None and not matrix and not network:
+            error = ArgumentError if isinstance(source, np.ndarray) else ArgumentTypeError
+            raise error(
                 f"maps['{camera}']: expected an Mlp or a projection matrix (3, 4), got {_describe(source)}"
             )
         if matrix and points is None:
