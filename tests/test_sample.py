@@ -380,6 +380,14 @@ def test_a_landscape_of_zeros_is_an_error(n, zero):
         sample(np.full((4, 5), 1e-60), n)  # zero in float32, in which the samplers compute
 
 
+@pytest.mark.parametrize("draw", [sample, gibbs_sample])
+def test_a_pixel_beyond_float32_is_named_with_the_value_that_was_given(draw):
+    landscape = np.ones((4, 5))
+    landscape[2, 3] = 1e300
+    with pytest.raises(ArgumentError, match=r"finite in float32, got 1e300 at landscape\[2, 3\]"):
+        draw(landscape, 3, seed=0)
+
+
 @pytest.mark.parametrize(
     ("landscape", "error", "words"),
     [

@@ -110,7 +110,7 @@ def attention_step(
     for camera, source in sources.items():
         if camera not in shapes:
             raise ArgumentError(f"shapes: camera '{camera}' is missing; there are {', '.join(shapes)}")
-        shape = _size(f"shapes['{camera}']", shapes[camera])
+        shape = _size(camera, shapes[camera])
         result = _room(camera, shape, n, earlier.get(camera))
         look = result.mask if n is None else result.centres
         h = default_width(shape) if width is None else width
@@ -169,7 +169,7 @@ def _describe(value: object) -> str:
 
 
 def _check_mapping(name: str, value: object) -> None:
-    if not isinstance(value, Mapping):
+    if not isinstance(value, (dict, Mapping)):  # the dict first: it is the usual one and quick to tell
         raise ArgumentTypeError(f"{name}: expected a mapping of cameras, got {type(value).__name__}")
 
 
@@ -179,8 +179,13 @@ def _at_most(name: str, value: int, most: int = 2**31 - 1) -> int:
     return value
 
 
-def _size(name: str, shape: object) -> tuple[int, int]:
+def _size(camera: str, shape: object) -> tuple[int, int]:
     """(height, width) of an image that there can be."""
+    if type(shape) is tuple and len(shape) == 2:
+        height, width = shape
+        if type(height) is int and type(width) is int and height > 0 and 0 < width < 2**31 / height:
+            return height, width
+    name = f"shapes['{camera}']"
     height, width = (integer(name, side, at_least=1) for side in image_shape(name, shape))
     _at_most(f"{name} in pixels", height * width)
     return height, width
