@@ -137,6 +137,92 @@ def gibbs_sample(
     return np.array(kept, dtype=np.int32).reshape(n, 2)
 
 
+BLOCK = 16
+"""Rows of a block: the sampler's inversion goes over pixels in the order block of rows, column, row."""
+
+REFUSALS = 32
+"""Draws in a row that fall too near to earlier samples before the masses that are left are summed anew."""
+
+
+def _block_order(shape: tuple[int, int]) -> npt.NDArray[np.int64]:
+    """Flat indices of the pixels in the order of the inversion."""
+    index = np.arange(shape[0] * shape[1]).reshape(shape)
+    return np.concatenate([index[top : top + BLOCK].T.ravel() for top in range(0, shape[0], BLOCK)])
+
+
+def too_near(shape: tuple[int, int], pixel: tuple[int, int], distance: float) -> npt.NDArray[np.bool_]:
+    """The pixels nearer to (u, v) than `distance`; for a distance > 0 the pixel itself always."""
+    v, u = np.mgrid[: shape[0], : shape[1]]
+    square = (u - pixel[0]) ** 2 + (v - pixel[1]) ** 2
+    return (square < distance * distance) | ((square == 0) & (distance > 0))
+
+
+def sample(
+    landscape: npt.NDArray[Any], n: int, seed: int, min_distance: float = 0.0
+) -> npt.NDArray[np.int32]:
+    """One number, one pixel; what is too near is refused, and after too many refusals taken out."""
+    generator = Generator(seed)
+    pixels = landscape.astype(np.float32).astype(np.float64)
+    order = _block_order(pixels.shape)
+    masses = pixels.ravel()[order]
+    taken = np.zeros(pixels.shape, dtype=bool)
+    drawn: list[tuple[int, int]] = []
+    refusals = 0
+    while len(drawn) < n:
+        if refusals == REFUSALS:
+            masses = np.where(taken, 0.0, pixels).ravel()[order]
+            if not masses.any():
+                break
+            refusals = 0
+        v, u = divmod(int(order[_invert(masses, generator.uniform())]), pixels.shape[1])
+        if taken[v, u]:
+            refusals += 1
+            continue
+        refusals = 0
+        drawn.append((u, v))
+        if min_distance > 0:
+            taken |= too_near(pixels.shape, (u, v), min_distance)
+    return np.array(drawn, dtype=np.int32).reshape(-1, 2)
+
+
+def attention_step(
+    pixels: dict[str, Any],
+    shapes: dict[str, tuple[int, int]],
+    width: float,
+    kernel: str = "triangular",
+    windows: int | None = None,
+    fraction: float | None = None,
+    count: int | None = None,
+    seed: int = 0,
+) -> dict[str, tuple[Floats, Any]]:
+    """The twins one after the other: {camera: (landscape, centres or mask)} of projected paths."""
+    seen = {}
+    for k, (camera, places) in enumerate(pixels.items()):
+        places = places[~np.isnan(places).any(axis=1)]
+        landscape = kernel_landscape(places, shapes[camera], width, kernel) if len(places) else np.zeros(1)
+        if not landscape.astype(np.float32).any():
+            continue
+        if windows is not None:
+            seen[camera] = landscape, gibbs_sample(landscape, windows, (seed + k) & MASK64)
+        else:
+            level = threshold(landscape, fraction, count)
+            seen[camera] = landscape, (landscape >= level) & (landscape > 0)
+    return seen
+
+
+def project(matrix: Floats, points: Floats) -> Floats:
+    """(u, v) of points (N, 3), NaN where they are less than 0.01 m in front of the camera."""
+    homogeneous = np.column_stack([points, np.ones(len(points))]) @ matrix.T
+    ahead = homogeneous[:, 2:] >= 0.01
+    return np.where(ahead, homogeneous[:, :2] / np.where(ahead, homogeneous[:, 2:], 1.0), np.nan)
+
+
+def ellipse(output: Floats) -> tuple[Floats, Floats]:
+    """Mean and Cholesky factor of (u, v, ln L1, L2, ln L3), the logarithms clipped to +-12."""
+    l1, l3 = np.exp(np.clip(output[[2, 4]], -12.0, 12.0))
+    return output[:2], np.array([l1, output[3], l3])
+
+
 def mlp(
     x: Floats,
     weights: list[Floats],

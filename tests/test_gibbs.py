@@ -126,6 +126,44 @@ def test_more_sweeps_than_fit_between_two_looks_at_signals():
     np.testing.assert_array_equal(many[30_000:], gibbs_sample(landscape, 10_000, seed=2, burn_in=30_000))
 
 
+@examples
+@given(landscapes, seeds, st.integers(0, 12), st.integers(0, 3), st.integers(1, 3))
+def test_writes_the_same_samples_to_the_array_it_is_given(landscape, seed, n, burn_in, thin):
+    out = np.full((n, 2), -7, dtype=np.int32)
+    samples = gibbs_sample(landscape, n, seed=seed, burn_in=burn_in, thin=thin, out=out)
+    assert samples is out
+    np.testing.assert_array_equal(out, gibbs_sample(landscape, n, seed=seed, burn_in=burn_in, thin=thin))
+
+
+def test_an_array_is_filled_over_several_looks_at_signals():
+    landscape = np.random.default_rng(5).random((3, 3), dtype=np.float32)
+    out = np.full((40_000, 2), -7, dtype=np.int32)
+    assert gibbs_sample(landscape, 40_000, seed=2, start=(1, 1), out=out) is out
+    np.testing.assert_array_equal(out, gibbs_sample(landscape, 40_000, seed=2, start=(1, 1)))
+
+
+def test_an_array_is_left_alone_when_the_landscape_or_the_start_is_an_error():
+    landscape = np.ones((4, 5), dtype=np.float32)
+    landscape[3] = 0
+    out = np.full((6, 2), -7, dtype=np.int32)
+    with pytest.raises(motorprime.errors.ArgumentError, match="start must be on a row"):
+        gibbs_sample(landscape, 6, start=(2, 3), out=out)
+    with pytest.raises(motorprime.errors.ArgumentError, match="zero everywhere"):
+        gibbs_sample(landscape * 0, 6, out=out)
+    with pytest.raises(motorprime.errors.ArgumentError, match="n must be"):
+        gibbs_sample(landscape, -6, out=out)
+    assert (out == -7).all()
+
+
+def test_several_modes_in_several_blocks_of_rows_start_by_their_mass():
+    """The first row is drawn from the masses of blocks and then of rows; both must follow the landscape."""
+    landscape = np.zeros((70, 3), dtype=np.float32)
+    landscape[[0, 15, 16, 31, 47, 48, 69]] = np.arange(1, 22).reshape(7, 3)
+    samples = np.concatenate([gibbs_sample(landscape, 1, seed=seed) for seed in range(20_000)])
+    statistic, degrees = chi_square(landscape, samples)
+    assert statistic < reference.chi_square_bound(degrees)
+
+
 def test_seeds():
     landscape = np.ones((30, 30), dtype=np.float32)
     known = gibbs_sample(landscape, 4, seed=0)

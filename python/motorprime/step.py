@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import integer
+from ._arrays import image_shape, integer
 from .errors import ArgumentError, ArgumentTypeError, NotInViewError
 from .landscape import KernelName, Landscape, Numbers, Rows, Seed, random_bits
 from .motorplan import default_width
@@ -49,7 +49,7 @@ def attention_step(
     points: Rows | None = None,
     joints: Numbers | None = None,
     *,
-    pixels: Mapping[str, npt.NDArray[np.floating[Any]]] | None = None,
+    pixels: Mapping[str, Rows] | None = None,
     windows: int | None = None,
     fraction: float | None = None,
     count: int | None = None,
@@ -100,15 +100,19 @@ def attention_step(
     sources = _sources(maps, pixels, points)
     if (windows is not None) + (fraction is not None) + (count is not None) != 1:
         raise ArgumentError("windows, fraction, count: give exactly one of them")
-    n = None if windows is None else integer("windows", windows, at_least=0)
+    n = None if windows is None else _at_most("windows", integer("windows", windows, at_least=0))
+    if not isinstance(threads, (bool, np.bool_)):
+        raise ArgumentTypeError(f"threads: expected True or False, got {threads!r}")
+    _check_mapping("shapes", shapes)
     earlier = {} if out is None else out
+    _check_mapping("out", earlier)
     cameras = []
     results = []
     for camera, source in sources.items():
         if camera not in shapes:
             raise ArgumentError(f"shapes: camera '{camera}' is missing; there are {', '.join(shapes)}")
-        shape = shapes[camera]
-        result = _room(shape, n, earlier.get(camera))
+        shape = _size(camera, shapes[camera])
+        result = _room(camera, shape, n, earlier.get(camera))
         look = result.mask if n is None else result.centres
         h = default_width(shape) if width is None else width
         cameras.append((camera, source, shape, h, result.landscape, look))
@@ -117,7 +121,8 @@ def attention_step(
         cameras, points, joints, kernel, cutoff, mixing, fraction, count, random_bits(seed), threads
     )
     if all(level is None for level in seen):
-        raise NotInViewError("points: none of them is in front of a camera")
+        path = "points" if pixels is None else "pixels"
+        raise NotInViewError(f"{path}: none of them is in front of a camera")
     attended = {}
     for (camera, *_), result, level in zip(cameras, results, seen, strict=True):
         if level is None or level is False:
@@ -130,23 +135,26 @@ def attention_step(
 
 def _sources(
     maps: Mapping[str, CameraMap] | None,
-    pixels: Mapping[str, npt.NDArray[np.floating[Any]]] | None,
+    pixels: Mapping[str, Rows] | None,
     points: Rows | None,
-) -> Mapping[str, CameraMap]:
+) -> Mapping[str, CameraMap | Rows]:
     if (maps is None) == (pixels is None):
         raise ArgumentError("maps, pixels: give exactly one of them")
-    sources = pixels if maps is None else maps
+    sources: Mapping[str, CameraMap | Rows] | None = pixels if maps is None else maps
     name = "pixels" if maps is None else "maps"
-    if not isinstance(sources, Mapping):
-        raise ArgumentTypeError(f"{name}: expected a mapping of cameras, got {type(sources).__name__}")
+    _check_mapping(name, sources)
     if not sources:
         raise ArgumentError(f"{name}: expected at least one camera, got none")
     for camera, source in sources.items():
-        matrix = getattr(source, "shape", None) == (3, 4)
-        if pixels is not None and (isinstance(source, _core.Mlp) or np.ndim(source) != 2 or matrix):
+        if not isinstance(camera, str):
+            raise ArgumentTypeError(f"{name}: expected names of cameras, got {camera!r}")
+        matrix = isinstance(source, np.ndarray) and source.shape == (3, 4)
+        network = isinstance(source, _core.Mlp)
+        if pixels is not None and (matrix or network):
             raise ArgumentError(f"pixels['{camera}']: expected an array (N, 2), got {_describe(source)}")
-        if maps is not None and not matrix and not isinstance(source, _core.Mlp):
-            raise ArgumentTypeError(
+        if maps is not None and not matrix and not network:
+            error = ArgumentError if isinstance(source, np.ndarray) else ArgumentTypeError
+            raise error(
                 f"maps['{camera}']: expected an Mlp or a projection matrix (3, 4), got {_describe(source)}"
             )
         if matrix and points is None:
@@ -161,9 +169,34 @@ def _describe(value: object) -> str:
     return type(value).__name__ if shape is None else f"an array {shape}"
 
 
-def _room(shape: tuple[int, int], windows: int | None, earlier: Attended | None) -> Attended:
+def _check_mapping(name: str, value: object) -> None:
+    if not isinstance(value, (dict, Mapping)):  # the dict first: it is the usual one and quick to tell
+        raise ArgumentTypeError(f"{name}: expected a mapping of cameras, got {type(value).__name__}")
+
+
+def _at_most(name: str, value: int, most: int = 2**31 - 1) -> int:
+    if value > most:
+        raise ArgumentError(f"{name}: expected at most {most}, got {value}")
+    return value
+
+
+def _size(camera: str, shape: object) -> tuple[int, int]:
+    """(height, width) of an image that there can be."""
+    if type(shape) is tuple and len(shape) == 2:
+        height, width = shape
+        if type(height) is int and type(width) is int and height > 0 and 0 < width < 2**31 / height:
+            return height, width
+    name = f"shapes['{camera}']"
+    height, width = (integer(name, side, at_least=1) for side in image_shape(name, shape))
+    _at_most(f"{name} in pixels", height * width)
+    return height, width
+
+
+def _room(camera: str, shape: tuple[int, int], windows: int | None, earlier: Attended | None) -> Attended:
     """Arrays to write to: those of the call before, if they fit."""
-    if earlier is not None and earlier.landscape.shape == tuple(shape):
+    if earlier is not None and not isinstance(earlier, Attended):
+        raise ArgumentTypeError(f"out['{camera}']: expected Attended, got {type(earlier).__name__}")
+    if earlier is not None and earlier.landscape.shape == shape:
         look = earlier.mask if windows is None else earlier.centres
         if look is not None and (windows is None or len(look) == windows):
             return earlier

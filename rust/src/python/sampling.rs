@@ -127,8 +127,13 @@ fn singles<'a>(image: &'a Image<'_>, shape: Shape, converted: &'a mut Vec<f32>) 
         Image::Single(array) => Ok(array.as_slice()?),
         Image::Double(array) => {
             // Checked before the conversion, which turns what is too small into zero.
-            check_pixels(array.as_slice()?, shape)?;
-            converted.extend(array.as_slice()?.iter().map(|&p| p as f32));
+            let pixels = array.as_slice()?;
+            check_pixels(pixels, shape)?;
+            converted.extend(pixels.iter().map(|&p| p as f32));
+            if let Some(at) = converted.iter().position(|p| p.is_infinite()) {
+                let index = [at / shape.width(), at % shape.width()];
+                return Err(Error::element("landscape", &index, "finite in float32", pixels[at]).into());
+            }
             Ok(converted)
         }
     }

@@ -8,7 +8,6 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
 use super::arrays::{list, rows, writable};
-use super::errors::wrong_type;
 use super::mlp::Mlp;
 use super::scalars::{name, real, shape as image_shape, whole};
 use super::scratch;
@@ -68,6 +67,8 @@ pub fn attention_step<'py>(
         (None, Some(count)) => Some(Wanted::Count(whole("count", count, 1)?)),
         (None, None) => None,
     };
+    // Named whether or not a camera sees anything.
+    wanted.map(|wanted| wanted.of(1, 1)).transpose()?;
     let given = points.map(|p| rows::<3>("points", p)).transpose()?;
     let joints = joints.map_or(Ok(Vec::new()), |j| list("joints", j))?;
     if let Some(at) = joints.iter().position(|x| !x.is_finite()) {
@@ -186,20 +187,22 @@ impl<'py> Source<'py> {
         if let Ok(network) = map.cast::<Mlp>() {
             return Ok(Self::Network(network.borrow()));
         }
-        let Ok(array) = map.cast::<PyUntypedArray>() else {
-            let expected = "an Mlp or a projection matrix (3, 4)";
-            return Err(wrong_type(format!("maps['{camera}']"), expected, map));
-        };
-        if array.shape() == [3, 4] {
-            let matrix = rows::<4>(format!("maps['{camera}']"), map)?;
+        if map.cast::<PyUntypedArray>().is_ok_and(|array| array.shape() == [3, 4]) {
+            let name = format!("maps['{camera}']");
+            let matrix = rows::<4>(name.clone(), map)?;
             let mut flat = [0.0; 12];
             flat.copy_from_slice(matrix.as_flattened());
             if let Some(at) = flat.iter().position(|x| !x.is_finite()) {
-                let name = format!("maps['{camera}']");
                 return Err(Error::element(name, &[at / 4, at % 4], "finite", flat[at]).into());
             }
             return Ok(Self::Matrix(flat));
         }
-        Ok(Self::Pixels(rows::<2>(format!("pixels['{camera}']"), map)?))
+        let name = format!("pixels['{camera}']");
+        let pixels = rows::<2>(name.clone(), map)?;
+        if let Some(at) = pixels.as_flattened().iter().position(|x| x.is_infinite()) {
+            let value = pixels.as_flattened()[at];
+            return Err(Error::element(name, &[at / 2, at % 2], "finite or NaN", value).into());
+        }
+        Ok(Self::Pixels(pixels))
     }
 }
