@@ -124,10 +124,13 @@ def gibbs_sample(
     burn_in: int = 0,
     thin: int = 1,
 ) -> npt.NDArray[np.int32]:
-    """Sweep after sweep, u from the row and then v from the column."""
+    """Sweep after sweep, u from the row and then v from the column; by default from the row of a draw."""
     generator = Generator(seed)
     pixels = landscape.astype(np.float32).astype(np.float64)
-    v = start[1] if start else _invert(pixels.sum(axis=1), generator.uniform())
+    if start is None:
+        order = _block_order(pixels.shape)
+        start = (0, int(order[_invert(pixels.ravel()[order], generator.uniform())]) // pixels.shape[1])
+    v = start[1]
     chain = []
     for _ in range(burn_in + n * thin):
         u = _invert(pixels[v], generator.uniform())

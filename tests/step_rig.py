@@ -9,6 +9,8 @@ from motorprime import Mlp
 
 SHAPES = {"left": (48, 64), "right": (35, 51), "hand": (17, 80)}
 MATRIX = np.array([[60.0, 0.0, 31.5, 0.0], [0.0, 60.0, 23.5, 0.0], [0.0, 0.0, 1.0, 0.0]])
+BLIND = MATRIX * [-1.0, 1.0, -1.0, 1.0]
+"""The same camera turned around: everything lies behind it."""
 POINTS = np.random.default_rng(0).uniform([-0.3, -0.3, 0.7], [0.3, 0.3, 1.5], (25, 3))
 JOINTS = np.array([0.3, -0.5, 0.1])
 

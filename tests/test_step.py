@@ -14,7 +14,7 @@ import reference
 from motorprime import Attended, Mlp, attention_step
 from motorprime.errors import ArgumentError, NotInViewError
 from motorprime.landscape import gaussian_landscape, gibbs_sample, kernel_landscape, threshold
-from step_rig import JOINTS, MAPS, MATRIX, PIXELS, POINTS, PROJECTOR, SHAPES, moved, network
+from step_rig import BLIND, JOINTS, MAPS, MATRIX, PIXELS, POINTS, PROJECTOR, SHAPES, moved, network
 
 examples = settings(deadline=None, derandomize=True, max_examples=250)
 
@@ -22,6 +22,8 @@ examples = settings(deadline=None, derandomize=True, max_examples=250)
 def projected(matrix, points):
     """A matrix's pixels with the sums in the order of the kernel; `reference.project` is the plain way."""
     x, y, z = points.T
+    a, b, c = matrix[2, :3]
+    matrix = matrix * (np.sign(np.linalg.det(matrix[:, :3])) / math.sqrt(a * a + b * b + c * c))
     across, down, depth = (row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix)
     ahead = depth >= 0.01
     return np.stack([across[ahead] / depth[ahead], down[ahead] / depth[ahead]], axis=1)
@@ -194,7 +196,7 @@ def test_the_kth_camera_draws_with_seed_plus_k_whether_or_not_others_see():
     for k, camera in enumerate(MAPS):
         alone = attention_step({camera: MAPS[camera]}, SHAPES, POINTS, JOINTS, windows=20, seed=7 + k)
         assert_same({camera: three[camera]}, alone)
-    blind = MAPS | {"left": -MATRIX}
+    blind = MAPS | {"left": BLIND}
     two = attention_step(blind, SHAPES, POINTS, JOINTS, windows=20, seed=7)
     assert_same(two, {camera: three[camera] for camera in ("right", "hand")})
     wrapped = attention_step(MAPS, SHAPES, POINTS, JOINTS, windows=20, seed=2**64 - 1)
@@ -204,18 +206,18 @@ def test_the_kth_camera_draws_with_seed_plus_k_whether_or_not_others_see():
 
 def test_cameras_that_see_nothing_are_left_out():
     beside = moved(1e4, 0.0)
-    maps = {"left": -MATRIX, "right": MATRIX, "hand": beside}
+    maps = {"left": BLIND, "right": MATRIX, "hand": beside}
     for look in LOOKS:
         seen = attention_step(maps, SHAPES, POINTS, **look)
         assert list(seen) == ["right"]
-        assert attention_step({"left": -MATRIX, "hand": beside}, SHAPES, POINTS, **look) == {}
+        assert attention_step({"left": BLIND, "hand": beside}, SHAPES, POINTS, **look) == {}
         assert attention_step({"hand": beside}, SHAPES, POINTS, **look) == {}
 
 
 @pytest.mark.parametrize("look", LOOKS, ids=str)
 def test_a_path_behind_every_camera_is_an_error(look):
     with pytest.raises(NotInViewError, match="points: none of them is in front"):
-        attention_step({"left": -MATRIX, "right": -MATRIX}, SHAPES, POINTS, **look)
+        attention_step({"left": BLIND, "right": BLIND}, SHAPES, POINTS, **look)
     blind = dict.fromkeys(SHAPES, np.full((4, 2), np.nan))
     with pytest.raises(NotInViewError, match="pixels: none of them is in front"):
         attention_step(None, SHAPES, pixels=blind, **look)
@@ -230,6 +232,20 @@ def test_a_point_counts_from_a_centimetre_in_front():
     assert attention_step({"left": MATRIX}, SHAPES, [[0.0, 0.0, 0.01]], windows=1)
     both = attention_step({"left": MATRIX}, SHAPES, np.concatenate([POINTS, behind]), windows=9, seed=1)
     assert_same(both, attention_step({"left": MATRIX}, SHAPES, POINTS, windows=9, seed=1))
+
+
+@pytest.mark.parametrize("scale", [-1.0, 1e-3, -250.0])
+def test_a_matrix_of_another_scale_or_sign_is_the_same_camera(scale):
+    given = attention_step({"left": MATRIX}, SHAPES, POINTS, windows=9, seed=1)["left"]
+    scaled = attention_step({"left": scale * MATRIX}, SHAPES, POINTS, windows=9, seed=1)["left"]
+    np.testing.assert_allclose(scaled.landscape, given.landscape, rtol=1e-5, atol=1e-10)
+    assert scaled.landscape.any()
+
+
+def test_a_matrix_without_a_centre_is_an_error_that_names_it():
+    for flat in (np.zeros((3, 4)), np.ones((3, 4))):
+        with pytest.raises(ArgumentError, match=r"maps\['left'\] must be a projection matrix"):
+            attention_step({"left": flat}, SHAPES, POINTS, windows=9)
 
 
 def test_rows_of_nan_are_points_that_a_camera_does_not_see():

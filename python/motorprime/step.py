@@ -68,9 +68,10 @@ def attention_step(
     posture (Eq. 2-5, 10). With ``pixels`` the path is projected already, by whatever :class:`Projection`.
 
     Args:
-        maps: {camera: map}. For a path a projection matrix (3, 4) whose third row gives the depth [m], or an
-            ``Mlp`` from (x, y, z, joints) to (u, v). For a posture an ``Mlp`` from the joints to
-            (u, v, ln L1, L2, ln L3); the logarithms are clipped to +-12, so that every output is an ellipse.
+        maps: {camera: map}. For a path a projection matrix (3, 4), of any scale and sign as for
+            :class:`PinholeProjection`, or an ``Mlp`` from (x, y, z, joints) to (u, v). For a posture an
+            ``Mlp`` from the joints to (u, v, ln L1, L2, ln L3); the logarithms are clipped to +-12, so that
+            every output is an ellipse.
         shapes: {camera: (height, width)} for at least these cameras.
         points: (N, 3) planned path of the hand [m] in the root frame. A point less than 0.01 m in front of a
             matrix's camera is left out.

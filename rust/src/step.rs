@@ -3,6 +3,8 @@
 //! It gives what the single kernels give one after the other, bit for bit, and is faster in two ways: nothing
 //! goes back to the caller between them, and a landscape hands its support to the sampler or the threshold.
 
+use std::cmp::Ordering;
+
 use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
 use crate::gibbs::{Gibbs, Schedule};
@@ -28,7 +30,7 @@ const LOG_FACTOR: f64 = 12.0;
 pub enum Map<'a> {
     /// The plan's points are projected already, to (u, v) [px]. NaN marks a point that has no pixel.
     Pixels(&'a [[f64; 2]]),
-    /// Projection matrix (3, 4), row-major, whose third row gives the depth [m].
+    /// Projection matrix (3, 4), row-major, of any scale and sign.
     Matrix(&'a [f64; 12]),
     /// A network from (x, y, z, joints) to (u, v).
     Network(&'a Mlp),
@@ -184,6 +186,7 @@ fn project(simd: Simd, map: Map<'_>, plan: &Plan<'_>, workspace: &mut Workspace)
             pixels.extend(given.iter().filter(|p| !p[0].is_nan() && !p[1].is_nan()));
         }
         Map::Matrix(matrix) => {
+            let matrix = normalised(matrix)?;
             for &[x, y, z] in plan.points {
                 let row = |k: usize| {
                     matrix[4 * k] * x + matrix[4 * k + 1] * y + matrix[4 * k + 2] * z + matrix[4 * k + 3]
@@ -209,6 +212,21 @@ fn project(simd: Simd, map: Map<'_>, plan: &Plan<'_>, workspace: &mut Workspace)
         Map::Ellipse(_) => {}
     }
     Ok(())
+}
+
+/// The same camera with the scale and the sign at which the third row gives the depth in front of it [m].
+fn normalised(matrix: &[f64; 12]) -> Result<[f64; 12]> {
+    let row = |k: usize| [matrix[4 * k], matrix[4 * k + 1], matrix[4 * k + 2]];
+    let ([a, b, c], [d, e, f], [g, h, i]) = (row(0), row(1), row(2));
+    let volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g);
+    let length = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt();
+    let lengths = [0, 1, 2].map(|k| length(row(k)));
+    if volume.abs().partial_cmp(&(1e-9 * lengths.iter().product::<f64>())) != Some(Ordering::Greater) {
+        let expected = "a projection matrix whose left 3 x 3 part is not singular";
+        return Err(Error::scalar("maps", expected, volume));
+    }
+    let scale = volume.signum() / lengths[2];
+    Ok(matrix.map(|x| x * scale))
 }
 
 /// The ellipse that a network gives for the posture.
