@@ -27,12 +27,14 @@ def rig() -> dict[str, NDArray[np.float64]]:
 def main() -> None:
     """Reach, and look along what is left of the way."""
     cameras, shapes = rig(), {"left": SHAPE, "right": SHAPE}
-    hand, seen = np.array([0.2, 0.15, 0.5]), None
+    hand = np.array([0.2, 0.15, 0.5])
+    kept: dict[str, mp.Attended] = {}  # arrays of every camera that ever saw some of a path
     draws = np.random.default_rng(0)
     for cycle in range(100):
         target = np.array([-0.1, 0.02 * np.sin(cycle / 10), 0.7])
         path = np.linspace(hand, target, 40)
-        seen = mp.attention_step(cameras, shapes, path, windows=50, seed=draws, out=seen)
+        seen = mp.attention_step(cameras, shapes, path, windows=50, seed=draws, out=kept)
+        kept |= seen
         hand = path[2]  # the arm follows the plan
         if cycle % 25 == 0:
             looks = ", ".join(f"{name} {look.centres.mean(axis=0).round()}" for name, look in seen.items())

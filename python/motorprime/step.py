@@ -87,7 +87,8 @@ def attention_step(
         mixing: pi of Eq. 10 for the ellipses, 1 for thresholds, about 0.2 for windows.
         seed: as in :func:`gibbs_sample`; the k-th camera of the maps draws with ``seed + k`` modulo 2^64.
         threads: run the cameras side by side; the result is the same.
-        out: result of an earlier call, whose arrays are written again where they fit what is asked.
+        out: results of earlier calls, whose arrays are written again where they fit what is asked. A camera
+            that sees nothing is not in the result: ``kept |= attention_step(..., out=kept)`` keeps its arrays.
 
     Returns:
         {camera: Attended}, without the cameras in whose image the plan leaves no trace.

@@ -199,7 +199,7 @@ fn project(simd: Simd, map: Map<'_>, plan: &Plan<'_>, workspace: &mut Workspace)
         }
         Map::Network(network) => {
             let Workspace { inputs, outputs, mlp, .. } = workspace;
-            fits(network, 3 + plan.joints.len(), 2)?;
+            fits(network, "points and", plan.joints.len(), 3 + plan.joints.len(), 2)?;
             inputs.clear();
             for point in plan.points {
                 inputs.extend_from_slice(point);
@@ -231,7 +231,7 @@ fn normalised(matrix: &[f64; 12]) -> Result<[f64; 12]> {
 
 /// The ellipse that a network gives for the posture.
 fn ellipse(simd: Simd, network: &Mlp, plan: &Plan<'_>, workspace: &mut Workspace) -> Result<Gaussian> {
-    fits(network, plan.joints.len(), 5)?;
+    fits(network, "no points but", plan.joints.len(), plan.joints.len(), 5)?;
     let mut out = [0.0_f32; 5];
     network.forward_on(simd, plan.joints, &mut workspace.mlp, &mut out)?;
     let [u, v, l1, l2, l3] = out.map(f64::from);
@@ -240,11 +240,13 @@ fn ellipse(simd: Simd, network: &Mlp, plan: &Plan<'_>, workspace: &mut Workspace
     Ok(Gaussian { mean: [u, v], chol: [factor(l1), l2, factor(l3)], cutoff, mixing })
 }
 
-fn fits(network: &Mlp, inputs: usize, outputs: usize) -> Result<()> {
+fn fits(network: &Mlp, given: &str, joints: usize, inputs: usize, outputs: usize) -> Result<()> {
     if (network.inputs(), network.outputs()) == (inputs, outputs) {
         return Ok(());
     }
-    let expected = format!("a network of {inputs} inputs and {outputs} outputs");
-    let found = format!("{} and {}", network.inputs(), network.outputs());
+    // What is missing is more often an argument than a unit of the network.
+    let expected =
+        format!("a network of {inputs} inputs and {outputs} outputs, with {given} {joints} joints");
+    let found = format!("one of {} and {}", network.inputs(), network.outputs());
     Err(Error::shape("maps", expected, found))
 }
