@@ -122,7 +122,7 @@ impl Buffers {
                 continue;
             }
             // Half of the norm goes to either factor, so that neither leaves float32's range.
-            let height = (trajectory.kernel.peak() * (weight / total / wide / high).sqrt()) as f32;
+            let height = (trajectory.kernel.peak() * (weight / total / (wide * high)).sqrt()) as f32;
             let k = self.bumps.len();
             let (across, down) = (k * shape.width(), k * shape.height());
             let factors = &mut self.across[across..][..shape.width()];
@@ -162,11 +162,13 @@ impl Buffers {
 /// `height exp(-z^2 / 2)` with `z = (p - centre) / width` for the pixels `p` from `first`; 0 for `|z| > 5`.
 #[inline(always)]
 fn profile(first: usize, centre: f64, width: f64, height: f32, out: &mut [f32]) {
-    let (inverse, limit) = (1.0 / width, REACH * width);
+    // A subnormal width has no finite inverse until it is lifted.
+    let lift = if width < f64::MIN_POSITIVE { (1_u64 << 60) as f64 } else { 1.0 };
+    let (inverse, limit) = (1.0 / (width * lift), REACH * width);
     for (i, value) in out.iter_mut().enumerate() {
         // Offsets are formed in float64: float32 is too coarse for a narrow kernel far from the origin.
         let d = f64::from(first as i32 + i as i32) - centre;
-        let z = (d * inverse) as f32;
+        let z = (d * lift * inverse) as f32;
         let k = height * exp_nonpositive(-0.5 * z * z);
         *value = if d.abs() <= limit { k } else { 0.0 };
     }
