@@ -111,7 +111,8 @@ impl Workspace {
 
 /// Marks the pixels nearer to (u, v) than `distance`.
 fn take(taken: &mut [bool], shape: Shape, [u, v]: [usize; 2], distance: f64) {
-    let square = distance * distance;
+    // A pixel is too near to itself, even where the square of the distance underflows.
+    let square = (distance * distance).max(f64::MIN_POSITIVE);
     let reach = |size: usize, at: usize, by: f64| {
         let by = by as usize;
         at.saturating_sub(by)..at.saturating_add(by).saturating_add(1).min(size)

@@ -10,6 +10,8 @@ mod case;
 mod ellipse;
 #[path = "every_set/network.rs"]
 mod network;
+#[path = "every_set/pinned.rs"]
+mod pinned;
 #[path = "every_set/samplers.rs"]
 mod samplers;
 #[path = "every_set/threshold.rs"]

@@ -207,10 +207,12 @@ impl<const TRIANGULAR: bool> Path<TRIANGULAR> {
             reaching += usize::from(reached);
         }
         let largest = density.iter().copied().fold(largest, f64::max);
-        // Hundreds of borders on one pixel may take a step each, see the kernel. Only there are they measured by
-        // the sum of the peaks: up to a dozen kernels by the largest pixel or one peak.
+        // Many borders on one pixel may take a step each, see the kernel, and steps are coarser where a slope has
+        // a fraction. There they are measured by the sum of the peaks; up to 16 kernels by the largest pixel or
+        // one peak.
+        let wide = self.widths.iter().any(|w| w[1] >= 131_072.0);
         let summed = peaks.iter().copied().fold(0.0, f64::max);
-        let largest = if TRIANGULAR && reaching > 16 { largest.max(summed) } else { largest };
+        let largest = if TRIANGULAR && (reaching > 16 || wide) { largest.max(summed) } else { largest };
         let mut worst = 0.0_f64;
         for (i, (&value, &density)) in out.iter().zip(&*density).enumerate() {
             let place = || format!("{value:e} for {density:e} at ({}, {})", i % width, i / width);
