@@ -1,5 +1,6 @@
 //! Inputs that once went wrong.
 
+use motorprime::gaussian::Gaussian;
 use motorprime::kernel::{Kernel, Trajectory, Widths, Workspace};
 use motorprime::masses::{Landscape, Masses};
 use motorprime::mlp::{Mlp, Scale, Weights};
@@ -75,6 +76,22 @@ fn hundreds_of_faint_kernels_beside_a_strong_one_keep_their_mass() {
             let expected = (1.0 - (u - 20.0).abs() / 9.0).max(0.0) * (1.0 - (v - 20.0).abs() / 9.0).max(0.0);
             assert!((value - expected).abs() < 1e-5, "{faint} {value} {expected} of {total}");
         }
+    }
+}
+
+#[test]
+fn a_pixel_that_rounding_puts_into_a_needle_has_a_value() {
+    let needle = |mean, chol| Gaussian { mean, chol, cutoff: 3.0, mixing: 1.0 };
+    let needles = [
+        needle([17.0, 9.0], [7.453039203594755, 2.2359117610784263, 5.368453958102756e-49]),
+        // Here a step along the row is lost in the rounding of the rows.
+        needle([9.0, -1e9], [1.0, 1e-8, 1e-60]),
+        needle([-1e9, -1e9], [1.0, 1.0, 1e-60]),
+    ];
+    for (gaussian, simd) in needles.iter().flat_map(|n| Simd::all().into_iter().map(move |s| (n, s))) {
+        let mut out = vec![f32::NAN; 12 * 18];
+        gaussian.landscape_on(simd, Shape::new(12, 18).unwrap(), &mut Support::default(), &mut out).unwrap();
+        assert!(out.iter().all(|p| (0.0..=1.0).contains(p)), "{gaussian:?} {out:?}");
     }
 }
 
