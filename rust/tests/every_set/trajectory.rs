@@ -17,8 +17,8 @@ fn gaussian_kernels() {
 
 /// Of the larger of the largest pixel and the peak of a kernel that reaches the image.
 const TOLERANCE: f64 = 1e-5;
-/// Half of the smallest float32: what is below may become 0.
-const VANISHING: f64 = 0.71e-45;
+/// Just above the smallest float32: what is below may become 0.
+const VANISHING: f64 = 1.42e-45;
 
 #[derive(Debug)]
 struct Path<const TRIANGULAR: bool> {
@@ -214,7 +214,7 @@ impl<const TRIANGULAR: bool> Path<TRIANGULAR> {
         let summed = peaks.iter().copied().fold(0.0, f64::max);
         let largest = if TRIANGULAR && (reaching > 16 || wide) { largest.max(summed) } else { largest };
         // Products of float32 factors are rounded to whole steps of its smallest number, each by itself.
-        let rounding = 2.0 * VANISHING * (if TRIANGULAR { 1.0 } else { 1.0 + reaching as f64 });
+        let rounding = VANISHING * (if TRIANGULAR { 1.0 } else { 1.0 + reaching as f64 });
         let mut worst = 0.0_f64;
         for (i, (&value, &density)) in out.iter().zip(&*density).enumerate() {
             let place = || format!("{value:e} for {density:e} at ({}, {})", i % width, i / width);
