@@ -7,12 +7,12 @@ use crate::case::{Case, Draw, ensure, same_bits, stress};
 
 #[test]
 fn triangular_kernels() {
-    stress::<Path<true>>(1500);
+    stress::<Path<true>>(5000);
 }
 
 #[test]
 fn gaussian_kernels() {
-    stress::<Path<false>>(700);
+    stress::<Path<false>>(2000);
 }
 
 /// Of the larger of the largest pixel and the peak of a kernel that reaches the image.
