@@ -88,7 +88,8 @@ def attention_step(
         seed: as in :func:`gibbs_sample`; the k-th camera of the maps draws with ``seed + k`` modulo 2^64.
         threads: run the cameras side by side; the result is the same.
         out: results of earlier calls, whose arrays are written again where they fit what is asked. A camera
-            that sees nothing is not in the result: ``kept |= attention_step(..., out=kept)`` keeps its arrays.
+            that sees nothing is not in the result; ``kept |= attention_step(..., out=kept)`` keeps its
+            arrays.
 
     Returns:
         {camera: Attended}, without the cameras in whose image the plan leaves no trace.

@@ -75,10 +75,12 @@ impl Gaussian {
         // Scaled by the root of log2(e) / 2, the square is the exponent of 2.
         let scale = (0.5 * std::f64::consts::LOG2_E).sqrt();
         let [l1, l2, l3] = self.chol;
-        let first = (u0 as f64 - self.mean[0]) / l1;
-        let step = (scale / l1).min(1e30);
-        let shear = (-l2 / l3 * step).clamp(-1e30, 1e30);
-        let z2 = ((v as f64 - self.mean[1]) - l2 * first) / l3;
+        // The first pixel is rounded as where it was found to be inside: a needle may be thinner than that.
+        let (per_l1, per_l3) = (1.0 / l1, 1.0 / l3);
+        let first = (u0 as f64 - self.mean[0]) * per_l1;
+        let step = (scale * per_l1).min(1e30);
+        let shear = (-l2 * per_l3 * step).clamp(-1e30, 1e30);
+        let z2 = ((v as f64 - self.mean[1]) - l2 * first) * per_l3;
         let (z1, z2) = ((first * scale) as f32, (z2 * scale) as f32);
         let (step, shear) = (step as f32, shear as f32);
         let steps: [[f32; LANES]; 2] =
@@ -88,7 +90,9 @@ impl Gaussian {
             let (z1, z2) = (z1 + done * step, z2 + done * shear);
             std::array::from_fn(|i| {
                 let (z1, z2) = (z1 + steps[0][i], z2 + steps[1][i]);
-                exp2_nonpositive(-(z1 * z1 + z2 * z2))
+                // The bound is for pixels that only a rounding put into a needle, and for those thrown away.
+                let square = z1 * z1 + z2 * z2;
+                exp2_nonpositive(-if square < 126.0 { square } else { 126.0 })
             })
         };
         let mix = |g: [f32; LANES]| -> [f32; LANES] { g.map(|g| pi * g + uniform) };

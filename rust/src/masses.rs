@@ -45,10 +45,14 @@ impl Masses {
     /// Sums a landscape and checks every pixel that it sums.
     ///
     /// # Errors
-    /// A pixel that is negative or not finite, or a landscape that is zero everywhere.
+    /// A pixel that is negative or not finite, a landscape that is zero everywhere, or a support that is that of
+    /// another image.
     pub(crate) fn scan(&mut self, simd: Simd, landscape: Landscape<'_>) -> Result<()> {
         let Landscape { pixels: landscape, shape, support } = landscape;
         shape.check("landscape", landscape.len())?;
+        if support.is_some_and(|support| !support.fits(shape)) {
+            return Err(Error::conflict("support", "belongs to an image of another size"));
+        }
         (self.width, self.height) = (shape.width(), shape.height());
         let (down, across) = (self.height.div_ceil(BLOCK), self.width.div_ceil(BLOCK));
         if self.sums.len() < down * self.width {

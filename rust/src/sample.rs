@@ -83,6 +83,9 @@ impl Workspace {
         let Self { masses, taken, left } = self;
         taken.clear();
         taken.resize(shape.pixels(), false);
+        // Whether it is needed hangs on the draws, and they must not make a call allocate.
+        left.clear();
+        left.reserve(shape.pixels());
         let (mut renewed, mut refusals, mut drawn) = (false, 0, 0);
         let (pixels, _) = out.as_chunks_mut::<2>();
         while drawn < pixels.len() {

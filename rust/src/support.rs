@@ -21,6 +21,12 @@ impl Support {
         self.highs.resize(shape.height(), 0);
     }
 
+    /// Whether it was made for an image of this size, or for one as high and narrower.
+    pub(crate) fn fits(&self, shape: Shape) -> bool {
+        let within = |&high: &u32| high as usize <= shape.width();
+        self.highs.len() == shape.height() && self.highs.iter().all(within)
+    }
+
     /// Widens the stretches of these rows so that they hold these columns.
     #[inline(always)]
     pub(crate) fn cover(&mut self, rows: [u32; 2], columns: [u32; 2]) {

@@ -127,7 +127,7 @@ impl Buffers {
                 continue;
             }
             // Half of the norm goes to either factor, so that neither leaves float32's range.
-            let height = (trajectory.kernel.peak() * (weight / total / wide / high).sqrt()) as f32;
+            let height = (trajectory.kernel.peak() * (weight / total / (wide * high)).sqrt()) as f32;
             let k = self.bumps.len();
             let (across, down) = (k * shape.width(), k * shape.height());
             let factors = &mut self.across[across..][..shape.width()];
@@ -177,8 +177,10 @@ fn profile(first: usize, centre: f64, width: f64, height: f32, out: &mut [f32]) 
     // Scaled by the root of log2(e) / 2, the square is the exponent of 2. The first offset is formed in
     // float64, where a narrow kernel may be far from the origin; from there steps are small. The bound is for
     // a lone pixel, which takes no step.
-    let scale = (0.5 * std::f64::consts::LOG2_E).sqrt() / width;
-    let (start, step) = (((first as f64 - centre) * scale) as f32, scale.min(1e30) as f32);
+    // A subnormal width has no finite inverse until it is lifted.
+    let lift = if width < f64::MIN_POSITIVE { (1_u64 << 60) as f64 } else { 1.0 };
+    let scale = (0.5 * std::f64::consts::LOG2_E).sqrt() / (width * lift);
+    let (start, step) = (((first as f64 - centre) * lift * scale) as f32, scale.min(1e30) as f32);
     for (i, value) in out.iter_mut().enumerate() {
         let z = start + i as i32 as f32 * step;
         *value = height * exp2_nonpositive(-(z * z));

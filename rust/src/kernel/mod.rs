@@ -185,7 +185,7 @@ impl Trajectory<'_> {
                     return Err(Error::element("width", at, "positive and finite", h));
                 }
             }
-            let density = peak / pair[0] / pair[1];
+            let density = peak / (pair[0] * pair[1]);
             if !PEAK.contains(&density) || !PEAK.contains(&(density / self.points.len() as f64)) {
                 let expected = "such that 1 / (N h_h h_v) is between 1e-30 and 1e37";
                 return Err(Error::element("width", at, expected, pair));

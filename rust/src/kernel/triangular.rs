@@ -12,9 +12,13 @@
 //! leaves takes back precisely what it brought: the landscape is never negative, it is 0 exactly outside the
 //! union of the supports, and it has the same bits on every instruction set.
 //!
-//! *Error.* A width has at least 2^22 steps, so rounding a ramp costs at most 2^-23 of a kernel's peak. P has
-//! up to 2^22 steps, or about 2^27 / m where the peaks of the kernels on one row sum to m times the kernel's
-//! own. Up to hundreds of kernels in one place that is less than the rounding of the float32 output.
+//! *Error.* Where the peaks of the kernels on one row sum to m times one kernel's own, its profile P has up to
+//! 2^22 steps, or about 2^27 / m. A width along v has at least 2^18 steps, 2^22 where all have one width. Every
+//! kernel rounds at another place, so that hundreds of them do not all err to the same side; and those that
+//! would be left with a few steps beside much taller ones have a grid of their own. What remains to one side
+//! are the borders, where a kernel of nearly 0 counts as one step: a hundred borders on one pixel, by less than
+//! a thousandth of a pixel each, may be 1e-5 of the kernels' summed peaks. Kernels of more than 2^17 px along v
+//! have the fewest steps, since the fraction of their slope takes bits: less than 1e-5 of the summed peaks.
 //!
 //! *Borders.* Ramps begin at real positions, so sub-pixel points are exact to the same bound. A kernel that
 //! enters above the image enters in its first row, with the value and the slope that it has there.
@@ -26,18 +30,31 @@ use crate::support::Support;
 
 /// Profiles and rows begin and end at multiples of this many columns, so that loops have no odd ends.
 const LANES: usize = 8;
-/// Bits of the number of steps in the narrowest kernel of a batch.
+/// Bits of the number of steps in the widest kernel of a batch; with more than [`MANY`] kernels, and with slopes
+/// that have a fraction, a few of these are left to the profiles.
 const GRID_BITS: i32 = 22;
-/// Widths of one batch differ by less than this many octaves, so that the widest has few bits more.
+const GRID_BITS_OF_MANY: i32 = 20;
+const MANY: usize = 128;
+/// Widths of one batch differ by less than this many octaves, so that the narrowest has few bits less. The
+/// classes meet at 1 px, for kernels narrower than a pixel have no slope.
 const OCTAVES: i32 = 3;
-/// Points of one batch.
+/// Profiles of one batch differ by about this many octaves: the least keeps some bits beside the tallest.
+const TALLEST_TO_LEAST: i32 = 12;
+/// As many times lower than the tallest profile of a batch may its profiles be in the mean, so that a step of
+/// each is little beside their sum.
+const TALLEST_TO_MEAN: f64 = 32.0;
+/// Points of one batch, unless their profiles would be too many to number.
 const BATCH: usize = 512;
+/// Points of one batch whose kernels are so wide that their slope needs fractional bits.
+const FEW: usize = 8;
 /// The largest profile, which float32 arithmetic still rounds to the nearest whole number.
 const LARGEST_PROFILE: f64 = (1 << 22) as f64;
 /// The largest sum of the profiles of one row, with room for sums that are under way.
 const LARGEST_SLOPE: f64 = (1 << 29) as f64;
 /// The largest sum of offsets, with room for sums that are under way.
 const LARGEST_SUM: f64 = (1_u64 << 51) as f64;
+/// Kernels wider than this [px] are flat along a row: no image has so many columns that it would matter.
+const FLAT: f64 = 1e20;
 /// Fractional bits of a slope below one step per row, of kernels wider than 2^22 px.
 const FRACTION_BITS: i32 = 8;
 
@@ -69,10 +86,20 @@ struct Event {
 
 const NONE: u32 = u32::MAX;
 
+/// Where a point stands among the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Place {
+    /// Of widths along v.
+    class: i32,
+    /// Octaves by which its profile is below one of weight and widths 1, about.
+    fall: i32,
+    point: u32,
+}
+
 /// What a warmed-up call reuses.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Buffers {
-    order: Vec<u32>,
+    order: Vec<Place>,
     bumps: Vec<Bump>,
     profiles: Vec<i32>,
     events: Vec<Event>,
@@ -102,16 +129,12 @@ pub(super) fn landscape(
     out: &mut [f32],
 ) {
     let mut order = std::mem::take(&mut buffers.order);
-    order.clear();
-    order.extend(0..trajectory.points.len() as u32);
-    let class = |n: u32| exponent(trajectory.widths.of(n as usize)[1]).div_euclid(OCTAVES);
-    let common = matches!(trajectory.widths, Widths::Common(_));
-    if !common {
-        order.sort_unstable_by_key(|&n| (class(n), n));
-    }
-    let batches = || order.chunk_by(|&a, &b| common || class(a) == class(b)).flat_map(|c| c.chunks(BATCH));
+    let even = arrange(trajectory, &mut order);
+    let padded = shape.width().next_multiple_of(LANES);
+    let most = (u32::MAX as usize / padded).clamp(1, BATCH);
+    let first = batch(trajectory, &order, even, most);
 
-    if batches().nth(1).is_none() {
+    if first == order.len() {
         let image = Image::Whole(out);
         simd.run(Batch { trajectory, points: &order, shape, total, buffers, support, image });
     } else {
@@ -119,10 +142,13 @@ pub(super) fn landscape(
         sums.clear();
         sums.resize(shape.pixels(), 0.0);
         support.clear(shape);
-        for points in batches() {
+        let mut rest = &order[..];
+        while !rest.is_empty() {
+            let (points, others) = rest.split_at(batch(trajectory, rest, even, most));
             let image = Image::Sum(&mut sums);
             simd.run(Batch { trajectory, points, shape, total, buffers, support: &mut spans, image });
             support.join(&spans);
+            rest = others;
         }
         for (value, &sum) in out.iter_mut().zip(&sums) {
             *value = sum as f32;
@@ -130,6 +156,64 @@ pub(super) fn landscape(
         (buffers.sums, buffers.batch) = (sums, spans);
     }
     buffers.order = order;
+}
+
+/// Lists the points that have weight so that the points of a batch stand together. Returns whether they are
+/// even: whether any of them may be in one batch.
+fn arrange(trajectory: &Trajectory<'_>, order: &mut Vec<Place>) -> bool {
+    let points = 0..trajectory.points.len();
+    let (weights, widths) = (trajectory.weights, trajectory.widths);
+    order.clear();
+    order.extend(points.filter(|&n| weights.is_none_or(|w| w[n] > 0.0)).map(|n| {
+        let fall = weights.map_or(0, |w| -exponent(w[n]));
+        match widths {
+            Widths::Common(_) => Place { class: 0, fall, point: n as u32 },
+            Widths::PerPoint(widths) => {
+                let [wide, high] = widths[n].map(exponent);
+                Place { class: high.div_euclid(OCTAVES), fall: fall + wide + 2 * high, point: n as u32 }
+            }
+        }
+    }));
+    let tallest = order.iter().min_by_key(|p| p.fall).copied();
+    // Mostly they make one batch as they are, or one after the other.
+    let even = tallest.is_none_or(|tallest| {
+        let mut sum = 0.0;
+        let fit = order.iter().all(|p| {
+            sum += share(p, &tallest);
+            fits(p, &tallest)
+        });
+        fit && order.len() as f64 <= TALLEST_TO_MEAN * sum
+    });
+    if !even {
+        order.sort_unstable();
+    }
+    even
+}
+
+/// Whether a point may be in one batch with the tallest of it.
+fn fits(place: &Place, tallest: &Place) -> bool {
+    place.class == tallest.class && place.fall <= tallest.fall + TALLEST_TO_LEAST
+}
+
+/// Its profile in units of the tallest.
+fn share(place: &Place, tallest: &Place) -> f64 {
+    1.0 / f64::from(1 << (place.fall - tallest.fall).clamp(0, TALLEST_TO_LEAST))
+}
+
+/// How many of the points make a batch. Where they are not even they are sorted, the tallest of a class first.
+fn batch(trajectory: &Trajectory<'_>, order: &[Place], even: bool, most: usize) -> usize {
+    let high = trajectory.widths.of(order[0].point as usize)[1];
+    // The widest of the class may be wider by as many octaves.
+    let most = if exponent(high) < GRID_BITS_OF_MANY - OCTAVES { most } else { most.min(FEW) };
+    if even {
+        return order.len().min(most);
+    }
+    let (mut count, mut sum) = (0.0, 0.0);
+    let fit = |p: &&Place| {
+        (count, sum) = (count + 1.0, sum + share(p, &order[0]));
+        fits(p, &order[0]) && count <= TALLEST_TO_MEAN * sum
+    };
+    order.iter().take(most).take_while(fit).count()
 }
 
 /// `floor(log2(x))` of a positive number.
@@ -155,22 +239,56 @@ fn positive(centre: f64, width: f64, size: f64) -> [u32; 2] {
     // The sums are rounded, and at the border itself the triangle is 0: the definition decides.
     let first = if height(first) > 0.0 { first } else { first + 1.0 };
     let end = if end == 0.0 || height(end - 1.0) > 0.0 { end } else { end - 1.0 };
+    if centre.abs() + width > DISTANT {
+        return sought(centre, width, size);
+    }
     [first as i32 as u32, end as i32 as u32]
+}
+
+/// Beyond this [px] pixels are so close to each other in float64 that a border may be off by several.
+const DISTANT: f64 = (1_u64 << 50) as f64;
+
+/// The same wherever the triangle lies: the height never falls before the centre and never rises after it.
+#[cold]
+#[inline(never)]
+fn sought(centre: f64, width: f64, size: f64) -> [u32; 2] {
+    let positive = |at: u32| width - (f64::from(at) - centre).abs() > 0.0;
+    let search = |mut low: u32, mut high: u32, before: &dyn Fn(u32) -> bool| {
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if before(middle) { low = middle + 1 } else { high = middle }
+        }
+        low
+    };
+    // Saturates at both ends of the image.
+    let top = (centre.clamp(0.0, size - 1.0)) as u32;
+    let first = search(0, top, &|at| !positive(at));
+    let end = search(top, size as u32, &positive);
+    [first, end]
 }
 
 impl Buffers {
     /// Collects the kernels that are positive somewhere in the image.
     #[inline(always)]
-    fn place(&mut self, trajectory: &Trajectory<'_>, points: &[u32], shape: Shape, total: f64) {
+    fn place(&mut self, trajectory: &Trajectory<'_>, points: &[Place], shape: Shape, total: f64) {
         self.bumps.clear();
         let (columns, rows) = (shape.width() as f64, shape.height() as f64);
-        for &n in points {
+        for &Place { point: n, .. } in points {
             let (centre, width) = (trajectory.points[n as usize], trajectory.widths.of(n as usize));
             let weight = trajectory.weights.map_or(1.0, |w| w[n as usize]);
             let columns = positive(centre[0], width[0], columns);
             let rows = positive(centre[1], width[1], rows);
-            if weight > 0.0 && columns[0] < columns[1] && rows[0] < rows[1] {
-                let peak = weight / total / width[0] / width[1];
+            if columns[0] < columns[1] && rows[0] < rows[1] {
+                // The product is in the range that was checked, however extreme its factors are.
+                let peak = weight / total / (width[0] * width[1]);
+                // A hand that rests has many points in one place.
+                match self.bumps.last_mut() {
+                    Some(last) if last.centre == centre && last.width == width => {
+                        last.peak += peak;
+                        continue;
+                    }
+                    _ => {}
+                }
                 self.bumps.push(Bump { rows, columns, centre, width, peak });
             }
         }
@@ -257,15 +375,16 @@ struct Grid {
 
 impl Grid {
     #[inline(always)]
-    fn new(narrowest: f64) -> Self {
-        let g = GRID_BITS - exponent(narrowest);
+    fn new([narrowest, widest]: [f64; 2], bits: i32) -> Self {
+        let g = bits - exponent(widest);
         let factors = [2.0_f64.powi(g / 2), 2.0_f64.powi(g - g / 2)];
-        let row = factors[0] * factors[1];
+        // Finite, though it means nothing, for kernels so narrow that they have no slope.
+        let row = (factors[0] * factors[1]).min(LARGEST_SUM);
         let fraction = f64::from(1 << FRACTION_BITS);
         let (row, room) = if g < 0 { (round(row * fraction) / fraction, fraction) } else { (row, 1.0) };
-        let band = (2.0 * narrowest).clamp(16.0, 1e6).ceil();
+        let band = (2.0 * narrowest).clamp(8.0, 1e6).ceil();
         // How far a line rises or falls within a band, in units of its kernel's peak.
-        let rise = band / narrowest.max(1.0);
+        let rise = if narrowest < 1.0 { 0.0 } else { band / narrowest };
         Self { factors, row, band: band as usize, largest_value: LARGEST_SUM / room / (1.0 + rise) }
     }
 
@@ -291,7 +410,7 @@ enum Image<'a> {
 /// The kernels of one batch, from bumps to pixels.
 struct Batch<'a> {
     trajectory: &'a Trajectory<'a>,
-    points: &'a [u32],
+    points: &'a [Place],
     shape: Shape,
     total: f64,
     buffers: &'a mut Buffers,
@@ -332,8 +451,12 @@ impl Buffers {
         self.heads.resize(shape.height(), NONE);
         self.events.clear();
 
-        let narrowest = self.bumps.iter().map(|b| b.width[1]).fold(f64::MAX, f64::min);
-        let grid = Grid::new(narrowest);
+        let widths = self.bumps.iter().map(|b| b.width[1]);
+        let narrowest = widths.clone().reduce(f64::min).unwrap_or(1.0);
+        let widest = widths.reduce(f64::max).unwrap_or(1.0);
+        let saves = self.bumps.len() > MANY || exponent(widest) >= GRID_BITS_OF_MANY;
+        let bits = if saves { GRID_BITS_OF_MANY } else { GRID_BITS };
+        let grid = Grid::new([narrowest, widest], bits);
         // The bound keeps the scale finite where float32 has nothing but zeros left.
         let largest_sum = self.largest_sum(shape).max(1e-200);
         let mut scale = grid.largest_value / largest_sum;
@@ -343,7 +466,7 @@ impl Buffers {
         }
         let bumps = std::mem::take(&mut self.bumps);
         let mut profile = 0;
-        for bump in &bumps {
+        for (k, bump) in bumps.iter().enumerate() {
             let tallest = scale * bump.peak / grid.steps(bump.width[1]);
             let [first, end] = bump.columns;
             let columns = [first - first % LANES as u32, end.next_multiple_of(LANES as u32)];
@@ -351,7 +474,9 @@ impl Buffers {
             if end > self.profiles.len() {
                 self.profiles.resize(end, 0);
             }
-            bump.profile(tallest, columns[0], &mut self.profiles[profile..end]);
+            // Multiples of the golden ratio, less whole numbers: they fill the interval evenly.
+            let phase = (k as u32).wrapping_mul(0x9e37_79b9) as i32 as f32 * (0.5 / (1_u32 << 31) as f32);
+            bump.profile(tallest, phase, columns[0], &mut self.profiles[profile..end], shape.width() as u32);
             support.cover(bump.rows, bump.columns);
             self.schedule(bump, profile as u32, columns, &grid);
             profile = end;
@@ -417,16 +542,19 @@ fn add(offsets: &mut [f64], slopes: &mut [i32], profile: &[i32], offset: f64, sl
 }
 
 impl Bump {
-    /// The profile along u in whole numbers up to `tallest`, from column `first` on.
+    /// The profile along u in whole numbers up to `tallest`, from column `first` on. Rounds after adding a
+    /// phase in `[-0.5, 0.5]`.
     #[inline(always)]
-    fn profile(&self, tallest: f64, first: u32, profile: &mut [i32]) {
+    fn profile(&self, tallest: f64, phase: f32, first: u32, profile: &mut [i32], size: u32) {
         let (centre, width) = (self.centre[0], self.width[0]);
         let [start, end] = self.columns;
-        if end - start == 1 {
-            // The one column of a kernel that may be too narrow for a slope.
+        let (to_start, to_end) = ((start - first) as i32, (end - 1 - first) as i32);
+        if end - start == 1 || width > FLAT {
+            // One column of a kernel that may be too narrow for a slope, or a kernel without one.
             profile.fill(0);
             let height = (width - (f64::from(start) - centre).abs()) / width;
-            profile[(start - first) as usize] = (round(height * tallest) as i32).max(1);
+            let whole = round(height * tallest + f64::from(phase)) as i32;
+            profile[to_start as usize..=to_end as usize].fill(whole.max(1));
             return;
         }
         // Two ramps from the ends of the support, where they are small: so float32 neither loses nor adds a
@@ -435,14 +563,17 @@ impl Bump {
         let slope = (tallest / width) as f32;
         let up = (width + (f64::from(start) - centre)) as f32;
         let down = (width - (f64::from(end - 1) - centre)) as f32;
-        let (up, down) = (up.max(f32::MIN_POSITIVE), down.max(f32::MIN_POSITIVE));
-        let (to_start, to_end) = ((start - first) as i32, (end - 1 - first) as i32);
+        // At an end that the image does not cut off they exceed 1 by a rounding at the most, and a column more
+        // must not come of that.
+        let up = up.clamp(f32::MIN_POSITIVE, if start > 0 { 1.0 } else { f32::MAX });
+        let down = down.clamp(f32::MIN_POSITIVE, if end == size { f32::MAX } else { 1.0 });
         for (i, p) in profile.iter_mut().enumerate() {
             let rising = (i as i32 - to_start) as f32 + up;
             let falling = (to_end - i as i32) as f32 + down;
             let height = if rising < falling { rising } else { falling };
             // Adding it leaves the nearest whole number in the low bits.
-            let whole = ((height * slope + MAGIC).to_bits() as i32).wrapping_sub(MAGIC.to_bits() as i32);
+            let shifted = (height * slope + phase) + MAGIC;
+            let whole = (shifted.to_bits() as i32).wrapping_sub(MAGIC.to_bits() as i32);
             *p = if height > 0.0 { whole.max(1) } else { 0 };
         }
     }

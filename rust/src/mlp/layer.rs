@@ -22,7 +22,11 @@ impl Layer {
     pub(super) fn new(k: usize, inputs: usize, weights: Weights, biases: &[f64]) -> Result<Self> {
         let Weights { outputs, inputs: columns, values } = weights;
         let name = format!("weights[{k}]");
-        if columns != inputs || outputs == 0 || inputs == 0 || values.len() != outputs * columns {
+        if columns != inputs
+            || outputs == 0
+            || inputs == 0
+            || outputs.checked_mul(columns) != Some(values.len())
+        {
             let expected = if k == 0 {
                 "(out, in), both at least 1".into()
             } else {
