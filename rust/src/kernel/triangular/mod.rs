@@ -23,52 +23,25 @@
 //! *Borders.* Ramps begin at real positions, so sub-pixel points are exact to the same bound. A kernel that
 //! enters above the image enters in its first row, with the value and the slope that it has there.
 
-use super::{Trajectory, Widths};
+mod batches;
+mod bump;
+mod grid;
+
+use batches::{BATCH, Place, arrange, batch};
+use bump::{Bump, positive};
+use grid::{GRID_BITS, GRID_BITS_OF_MANY, Grid, MANY, exponent, round};
+
+use super::Trajectory;
 use crate::shape::Shape;
 use crate::simd::{Kernel, Simd};
 use crate::support::Support;
 
 /// Profiles and rows begin and end at multiples of this many columns, so that loops have no odd ends.
 const LANES: usize = 8;
-/// Bits of the number of steps in the widest kernel of a batch; with more than [`MANY`] kernels, and with slopes
-/// that have a fraction, a few of these are left to the profiles.
-const GRID_BITS: i32 = 22;
-const GRID_BITS_OF_MANY: i32 = 20;
-const MANY: usize = 128;
-/// Widths of one batch differ by less than this many octaves, so that the narrowest has few bits less. The
-/// classes meet at 1 px, for kernels narrower than a pixel have no slope.
-const OCTAVES: i32 = 3;
-/// Profiles of one batch differ by about this many octaves: the least keeps some bits beside the tallest.
-const TALLEST_TO_LEAST: i32 = 12;
-/// As many times lower than the tallest profile of a batch may its profiles be in the mean, so that a step of
-/// each is little beside their sum.
-const TALLEST_TO_MEAN: f64 = 32.0;
-/// Points of one batch, unless their profiles would be too many to number.
-const BATCH: usize = 512;
-/// Points of one batch whose kernels are so wide that their slope needs fractional bits.
-const FEW: usize = 8;
 /// The largest profile, which float32 arithmetic still rounds to the nearest whole number.
 const LARGEST_PROFILE: f64 = (1 << 22) as f64;
 /// The largest sum of the profiles of one row, with room for sums that are under way.
 const LARGEST_SLOPE: f64 = (1 << 29) as f64;
-/// The largest sum of offsets, with room for sums that are under way.
-const LARGEST_SUM: f64 = (1_u64 << 51) as f64;
-/// Kernels wider than this [px] are flat along a row: no image has so many columns that it would matter.
-const FLAT: f64 = 1e20;
-/// Fractional bits of a slope below one step per row, of kernels wider than 2^22 px.
-const FRACTION_BITS: i32 = 8;
-
-/// A kernel that is positive somewhere in the image.
-#[derive(Clone, Copy, Debug)]
-struct Bump {
-    /// Pixels on which it is positive, half-open.
-    rows: [u32; 2],
-    columns: [u32; 2],
-    centre: [f64; 2],
-    width: [f64; 2],
-    /// Its largest value, in the unit of the landscape.
-    peak: f64,
-}
 
 /// A change of the lines by multiples of a kernel's profile, before a row is written.
 #[derive(Clone, Copy, Debug)]
@@ -85,16 +58,6 @@ struct Event {
 }
 
 const NONE: u32 = u32::MAX;
-
-/// Where a point stands among the others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Place {
-    /// Of widths along v.
-    class: i32,
-    /// Octaves by which its profile is below one of weight and widths 1, about.
-    fall: i32,
-    point: u32,
-}
 
 /// What a warmed-up call reuses.
 #[derive(Clone, Debug, Default)]
@@ -156,115 +119,6 @@ pub(super) fn landscape(
         (buffers.sums, buffers.batch) = (sums, spans);
     }
     buffers.order = order;
-}
-
-/// Lists the points that have weight so that the points of a batch stand together. Returns whether they are
-/// even: whether any of them may be in one batch.
-fn arrange(trajectory: &Trajectory<'_>, order: &mut Vec<Place>) -> bool {
-    let points = 0..trajectory.points.len();
-    let (weights, widths) = (trajectory.weights, trajectory.widths);
-    order.clear();
-    order.extend(points.filter(|&n| weights.is_none_or(|w| w[n] > 0.0)).map(|n| {
-        let fall = weights.map_or(0, |w| -exponent(w[n]));
-        match widths {
-            Widths::Common(_) => Place { class: 0, fall, point: n as u32 },
-            Widths::PerPoint(widths) => {
-                let [wide, high] = widths[n].map(exponent);
-                Place { class: high.div_euclid(OCTAVES), fall: fall + wide + 2 * high, point: n as u32 }
-            }
-        }
-    }));
-    let tallest = order.iter().min_by_key(|p| p.fall).copied();
-    // Mostly they make one batch as they are, or one after the other.
-    let even = tallest.is_none_or(|tallest| {
-        let mut sum = 0.0;
-        let fit = order.iter().all(|p| {
-            sum += share(p, &tallest);
-            fits(p, &tallest)
-        });
-        fit && order.len() as f64 <= TALLEST_TO_MEAN * sum
-    });
-    if !even {
-        order.sort_unstable();
-    }
-    even
-}
-
-/// Whether a point may be in one batch with the tallest of it.
-fn fits(place: &Place, tallest: &Place) -> bool {
-    place.class == tallest.class && place.fall <= tallest.fall + TALLEST_TO_LEAST
-}
-
-/// Its profile in units of the tallest.
-fn share(place: &Place, tallest: &Place) -> f64 {
-    1.0 / f64::from(1 << (place.fall - tallest.fall).clamp(0, TALLEST_TO_LEAST))
-}
-
-/// How many of the points make a batch. Where they are not even they are sorted, the tallest of a class first.
-fn batch(trajectory: &Trajectory<'_>, order: &[Place], even: bool, most: usize) -> usize {
-    let high = trajectory.widths.of(order[0].point as usize)[1];
-    // The widest of the class may be wider by as many octaves.
-    let most = if exponent(high) < GRID_BITS_OF_MANY - OCTAVES { most } else { most.min(FEW) };
-    if even {
-        return order.len().min(most);
-    }
-    let (mut count, mut sum) = (0.0, 0.0);
-    let fit = |p: &&Place| {
-        (count, sum) = (count + 1.0, sum + share(p, &order[0]));
-        fits(p, &order[0]) && count <= TALLEST_TO_MEAN * sum
-    };
-    order.iter().take(most).take_while(fit).count()
-}
-
-/// `floor(log2(x))` of a positive number.
-#[inline]
-fn exponent(x: f64) -> i32 {
-    const LIFT: f64 = (1_u64 << 54) as f64;
-    if x < f64::MIN_POSITIVE {
-        return exponent(x * LIFT) - 54;
-    }
-    (x.to_bits() >> 52) as i32 - 1023
-}
-
-/// The pixels on which a triangle is positive, half-open.
-#[inline(always)]
-fn positive(centre: f64, width: f64, size: f64) -> [u32; 2] {
-    // At least 0 and at most `size`, which fits: whole numbers that the cast keeps.
-    let pixel = |x: f64| {
-        let x = if x > 0.0 { x } else { 0.0 };
-        if x < size { x } else { size }
-    };
-    let height = |at: f64| width - (at - centre).abs();
-    let (first, end) = (pixel((centre - width).ceil()), pixel((centre + width).floor() + 1.0));
-    // The sums are rounded, and at the border itself the triangle is 0: the definition decides.
-    let first = if height(first) > 0.0 { first } else { first + 1.0 };
-    let end = if end == 0.0 || height(end - 1.0) > 0.0 { end } else { end - 1.0 };
-    if centre.abs() + width > DISTANT {
-        return sought(centre, width, size);
-    }
-    [first as i32 as u32, end as i32 as u32]
-}
-
-/// Beyond this [px] pixels are so close to each other in float64 that a border may be off by several.
-const DISTANT: f64 = (1_u64 << 50) as f64;
-
-/// The same wherever the triangle lies: the height never falls before the centre and never rises after it.
-#[cold]
-#[inline(never)]
-fn sought(centre: f64, width: f64, size: f64) -> [u32; 2] {
-    let positive = |at: u32| width - (f64::from(at) - centre).abs() > 0.0;
-    let search = |mut low: u32, mut high: u32, before: &dyn Fn(u32) -> bool| {
-        while low < high {
-            let middle = low + (high - low) / 2;
-            if before(middle) { low = middle + 1 } else { high = middle }
-        }
-        low
-    };
-    // Saturates at both ends of the image.
-    let top = (centre.clamp(0.0, size - 1.0)) as u32;
-    let first = search(0, top, &|at| !positive(at));
-    let end = search(top, size as u32, &positive);
-    [first, end]
 }
 
 impl Buffers {
@@ -360,46 +214,6 @@ impl Buffers {
         self.events.push(Event { value, slope, profile, columns, next: *head });
         *head = (self.events.len() - 1) as u32;
     }
-}
-
-/// The grid of a batch: how many steps there are to a pixel.
-struct Grid {
-    /// 2^g in two factors, since g may exceed the exponents of float64.
-    factors: [f64; 2],
-    /// Steps from row to row.
-    row: f64,
-    /// Rows after which the offsets move on, lest they grow with the image.
-    band: usize,
-    largest_value: f64,
-}
-
-impl Grid {
-    #[inline(always)]
-    fn new([narrowest, widest]: [f64; 2], bits: i32) -> Self {
-        let g = bits - exponent(widest);
-        let factors = [2.0_f64.powi(g / 2), 2.0_f64.powi(g - g / 2)];
-        // Finite, though it means nothing, for kernels so narrow that they have no slope.
-        let row = (factors[0] * factors[1]).min(LARGEST_SUM);
-        let fraction = f64::from(1 << FRACTION_BITS);
-        let (row, room) = if g < 0 { (round(row * fraction) / fraction, fraction) } else { (row, 1.0) };
-        let band = (2.0 * narrowest).clamp(8.0, 1e6).ceil();
-        // How far a line rises or falls within a band, in units of its kernel's peak.
-        let rise = if narrowest < 1.0 { 0.0 } else { band / narrowest };
-        Self { factors, row, band: band as usize, largest_value: LARGEST_SUM / room / (1.0 + rise) }
-    }
-
-    /// A distance [px] in steps.
-    #[inline(always)]
-    fn steps(&self, distance: f64) -> f64 {
-        distance * self.factors[0] * self.factors[1]
-    }
-}
-
-/// The nearest whole number of a number below 2^51.
-#[inline(always)]
-fn round(x: f64) -> f64 {
-    const MAGIC: f64 = 1.5 * (1_u64 << 52) as f64;
-    (x + MAGIC) - MAGIC
 }
 
 enum Image<'a> {
@@ -538,43 +352,5 @@ fn add(offsets: &mut [f64], slopes: &mut [i32], profile: &[i32], offset: f64, sl
     }
     for (s, &p) in slopes.iter_mut().zip(profile) {
         *s += slope * p;
-    }
-}
-
-impl Bump {
-    /// The profile along u in whole numbers up to `tallest`, from column `first` on. Rounds after adding a
-    /// phase in `[-0.5, 0.5]`.
-    #[inline(always)]
-    fn profile(&self, tallest: f64, phase: f32, first: u32, profile: &mut [i32], size: u32) {
-        let (centre, width) = (self.centre[0], self.width[0]);
-        let [start, end] = self.columns;
-        let (to_start, to_end) = ((start - first) as i32, (end - 1 - first) as i32);
-        if end - start == 1 || width > FLAT {
-            // One column of a kernel that may be too narrow for a slope, or a kernel without one.
-            profile.fill(0);
-            let height = (width - (f64::from(start) - centre).abs()) / width;
-            let whole = round(height * tallest + f64::from(phase)) as i32;
-            profile[to_start as usize..=to_end as usize].fill(whole.max(1));
-            return;
-        }
-        // Two ramps from the ends of the support, where they are small: so float32 neither loses nor adds a
-        // column. Counted from the columns' ends they are exact whole numbers plus what stands there.
-        const MAGIC: f32 = 12_582_912.0;
-        let slope = (tallest / width) as f32;
-        let up = (width + (f64::from(start) - centre)) as f32;
-        let down = (width - (f64::from(end - 1) - centre)) as f32;
-        // At an end that the image does not cut off they exceed 1 by a rounding at the most, and a column more
-        // must not come of that.
-        let up = up.clamp(f32::MIN_POSITIVE, if start > 0 { 1.0 } else { f32::MAX });
-        let down = down.clamp(f32::MIN_POSITIVE, if end == size { f32::MAX } else { 1.0 });
-        for (i, p) in profile.iter_mut().enumerate() {
-            let rising = (i as i32 - to_start) as f32 + up;
-            let falling = (to_end - i as i32) as f32 + down;
-            let height = if rising < falling { rising } else { falling };
-            // Adding it leaves the nearest whole number in the low bits.
-            let shifted = (height * slope + phase) + MAGIC;
-            let whole = (shifted.to_bits() as i32).wrapping_sub(MAGIC.to_bits() as i32);
-            *p = if height > 0.0 { whole.max(1) } else { 0 };
-        }
     }
 }
