@@ -9,6 +9,7 @@ import numpy.typing as npt
 __all__ = [
     "Mlp",
     "attention_step",
+    "empty_landscape",
     "gaussian_landscape",
     "gaussian_landscapes",
     "gibbs_sample",
@@ -74,6 +75,9 @@ def gibbs_sample(
     out: npt.NDArray[np.int32] | None,
     /,
 ) -> npt.NDArray[np.int32]: ...
+def empty_landscape(shape: tuple[int, int], /) -> _Landscape:
+    """Return an array for a landscape, with anything in it."""
+
 def instruction_set() -> str:
     """Return the instruction set that the kernels run on: 'baseline', 'avx2' or 'avx512'."""
 

@@ -203,7 +203,7 @@ def _room(camera: str, shape: tuple[int, int], windows: int | None, earlier: Att
         look = earlier.mask if windows is None else earlier.centres
         if look is not None and (windows is None or len(look) == windows):
             return earlier
-    landscape = np.empty(shape, np.float32)
+    landscape = _core.empty_landscape(shape)
     if windows is None:
         return Attended(landscape, mask=np.empty(shape, np.bool_))
     return Attended(landscape, centres=np.empty((windows, 2), np.int32))

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from ..errors import ArgumentError
-from ..evaluate.common import write_json
+from ..evaluate.common import check_writable, write_json
 from . import suite
 from .child import measure_in_child
 from .picture import check_picture, draw
@@ -41,7 +41,7 @@ def bench(
         check_picture(picture)
     for name, path in files.items():
         if path is not None:
-            _check_writable(name, path)
+            check_writable(path, name)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True) as bars:
         task = bars.add_task("starting", total=None)
@@ -70,17 +70,6 @@ def bench(
         _write(markdown_file, markdown(result))
     for path in filter(None, files.values()):
         err.print(f"wrote {path}", markup=False, highlight=False, soft_wrap=True)
-
-
-def _check_writable(name: str, path: Path) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        existed = path.exists()
-        path.open("a").close()
-        if not existed:
-            path.unlink()
-    except OSError as error:
-        raise ArgumentError(f"{name}: cannot write {path}: {error.strerror}") from None
 
 
 def _write(path: Path, text: str) -> None:

@@ -51,8 +51,8 @@ def table(title: str, result: Mapping[str, Any]) -> Table:
     return shown
 
 
-def check_writable(path: Path) -> None:
-    """Make sure that a file can be written, its folder included.
+def check_writable(path: Path, name: str = "json") -> None:
+    """Make sure that a file can be written, its folder included; ``name`` is the option that asks for it.
 
     Raises:
         ArgumentError: it cannot.
@@ -64,7 +64,7 @@ def check_writable(path: Path) -> None:
         if not existed:
             path.unlink()
     except OSError as error:
-        raise ArgumentError(f"json: cannot write {path}: {error.strerror}") from None
+        raise ArgumentError(f"{name}: cannot write {path}: {error.strerror}") from None
 
 
 def write_json(path: Path, result: Mapping[str, Any]) -> None:

@@ -15,6 +15,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyFloat, PyInt, PyList, PyTuple};
 
 use super::errors::{format_shape, wrong_type};
+use super::pool;
 use crate::error::{Argument, Error};
 use crate::shape::Shape;
 
@@ -199,7 +200,7 @@ pub fn output<'py>(
     py: Python<'py>,
 ) -> PyResult<PyReadwriteArray2<'py, f32>> {
     match out {
-        None => empty(py, [shape.height(), shape.width()]),
+        None => pool::landscape(py, shape),
         Some(out) => writable(argument, out, &[shape.height(), shape.width()], inputs),
     }
 }
@@ -290,16 +291,6 @@ pub fn created<'py, I: IntoDimension>(
 pub fn empty<'py, T: Element>(py: Python<'py>, shape: [usize; 2]) -> PyResult<PyReadwriteArray2<'py, T>> {
     let array = numpy_empty::<T>(py, (shape[0], shape[1]))?;
     Ok(array.cast_into::<PyArray2<T>>()?.try_readwrite()?)
-}
-
-/// New images of one size in one block of memory, which the allocator hands out faster than many.
-pub fn empty_images<'py>(
-    py: Python<'py>,
-    count: usize,
-    shape: Shape,
-) -> PyResult<Vec<PyReadwriteArray2<'py, f32>>> {
-    let block = numpy_empty::<f32>(py, (count, shape.height(), shape.width()))?;
-    (0..count).map(|i| Ok(block.get_item(i)?.cast_into::<PyArray2<f32>>()?.try_readwrite()?)).collect()
 }
 
 fn numpy_empty<'py, T: Element>(

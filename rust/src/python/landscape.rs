@@ -6,8 +6,9 @@ use numpy::{PyArray2, PyReadwriteArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
-use super::arrays::{Numbers, empty_images, list, numbers, output, release, rows, vector};
+use super::arrays::{Numbers, list, numbers, output, release, rows, vector};
 use super::errors::{format_shape, wrong_type};
+use super::pool;
 use super::scalars::{name, real, shape as image_shape};
 use super::scratch;
 use crate::error::{Error, Result};
@@ -265,7 +266,7 @@ fn outputs<'py>(
     py: Python<'py>,
 ) -> PyResult<Vec<PyReadwriteArray2<'py, f32>>> {
     let Some(out) = out else {
-        return empty_images(py, count, shape);
+        return (0..count).map(|_| pool::landscape(py, shape)).collect();
     };
     items("out", out, Some(count))?
         .iter()

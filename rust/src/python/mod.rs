@@ -4,12 +4,14 @@ mod arrays;
 mod errors;
 mod landscape;
 mod mlp;
+mod pool;
 mod sampling;
 mod scalars;
 mod scratch;
 mod step;
 mod threshold;
 
+use numpy::PyArray2;
 use pyo3::prelude::*;
 
 /// The instruction set that the kernels run on.
@@ -18,11 +20,16 @@ fn instruction_set() -> &'static str {
     crate::simd::Simd::best().name()
 }
 
+/// An array for a landscape, with anything in it.
+#[pyfunction]
+#[pyo3(signature = (shape, /))]
+fn empty_landscape<'py>(py: Python<'py>, shape: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    Ok(arrays::release(pool::landscape(py, scalars::shape(shape)?)?))
+}
+
 /// Kernels of motorprime. The documented faces of these functions are in the package's own modules.
 #[pymodule]
 mod _core {
-    #[pymodule_export]
-    use super::instruction_set;
     #[pymodule_export]
     use super::landscape::{gaussian_landscape, gaussian_landscapes, kernel_landscape, kernel_landscapes};
     #[pymodule_export]
@@ -33,4 +40,6 @@ mod _core {
     use super::step::attention_step;
     #[pymodule_export]
     use super::threshold::threshold;
+    #[pymodule_export]
+    use super::{empty_landscape, instruction_set};
 }
