@@ -1,7 +1,7 @@
 //! Gaussian product kernels, cut at 5 widths.
 //!
 //! A sum of separable kernels is a product of two thin matrices. Points go through in groups whose horizontal
-//! factors fit the caches, four at a time over two rows, so that neither rows nor factors are read for each.
+//! factors fit the caches, four at a time over four rows, so that neither rows nor factors are read for each.
 
 use super::Trajectory;
 use crate::math::exp2_nonpositive;
@@ -11,9 +11,12 @@ use crate::support::Support;
 
 /// `|z|` beyond which the profile is 0.
 const REACH: f64 = 5.0;
-/// Points whose sum is formed in float32; the sums of several groups are added in float64.
-const GROUP: usize = 64;
-/// Points that pass over a row together.
+/// Most points whose sum is formed in float32; the sums of several groups are added in float64.
+const GROUP: usize = 256;
+/// Horizontal factors of a group, unless it would be smaller than [`LEAST`] points: half a megabyte.
+const FACTORS: usize = 1 << 17;
+const LEAST: usize = 16;
+/// Points that pass together over as many rows.
 const TOGETHER: usize = 4;
 
 /// A kernel that reaches into the image, and where its factors begin.
@@ -35,7 +38,7 @@ pub(super) struct Buffers {
     down: Vec<f32>,
     /// The kernels that reach the rows at hand.
     active: Vec<Bump>,
-    /// Two rows of a group, or the row below the image.
+    /// Rows of a group, or those below the image.
     rows: Vec<f32>,
     sums: Vec<f64>,
 }
@@ -70,15 +73,19 @@ impl Kernel for Product<'_> {
         let Self { trajectory, shape, total, buffers, support, out } = self;
         let (width, points) = (shape.width(), trajectory.points.len());
         support.clear(shape);
+        let group = (FACTORS / width).clamp(LEAST, GROUP);
         let mut spare = std::mem::take(&mut buffers.rows);
-        spare.resize(2 * width, 0.0);
-        if points <= GROUP {
+        spare.resize(TOGETHER * width, 0.0);
+        if points <= group {
             buffers.factors(trajectory, 0..points, shape, total, support);
-            for (pair, rows) in out.chunks_mut(2 * width).enumerate() {
-                rows.fill(0.0);
-                let (first, second) = rows.split_at_mut(width);
-                let second = if second.is_empty() { &mut spare[..width] } else { second };
-                buffers.add(2 * pair as u32, first, second);
+            for (k, rows) in out.chunks_mut(TOGETHER * width).enumerate() {
+                let whole = rows.len() == spare.len();
+                let target = if whole { &mut *rows } else { &mut spare[..] };
+                target.fill(0.0);
+                buffers.add((TOGETHER * k) as u32, target, width);
+                if !whole {
+                    rows.copy_from_slice(&spare[..rows.len()]);
+                }
             }
             buffers.rows = spare;
             return;
@@ -86,12 +93,11 @@ impl Kernel for Product<'_> {
         let mut sums = std::mem::take(&mut buffers.sums);
         sums.clear();
         sums.resize(shape.pixels(), 0.0);
-        for start in (0..points).step_by(GROUP) {
-            buffers.factors(trajectory, start..points.min(start + GROUP), shape, total, support);
-            for (pair, sums) in sums.chunks_mut(2 * width).enumerate() {
+        for start in (0..points).step_by(group) {
+            buffers.factors(trajectory, start..points.min(start + group), shape, total, support);
+            for (k, sums) in sums.chunks_mut(TOGETHER * width).enumerate() {
                 spare.fill(0.0);
-                let (first, second) = spare.split_at_mut(width);
-                buffers.add(2 * pair as u32, first, second);
+                buffers.add((TOGETHER * k) as u32, &mut spare, width);
                 for (sum, &x) in sums.iter_mut().zip(&spare) {
                     *sum += f64::from(x);
                 }
@@ -116,8 +122,13 @@ impl Buffers {
         support: &mut Support,
     ) {
         self.bumps.clear();
-        self.across.resize(GROUP * shape.width(), 0.0);
-        self.down.resize(GROUP * shape.height(), 0.0);
+        let (width, height) = (points.len() * shape.width(), points.len() * shape.height());
+        if self.across.len() < width {
+            self.across.resize(width, 0.0);
+        }
+        if self.down.len() < height {
+            self.down.resize(height, 0.0);
+        }
         for n in points {
             let ([u, v], [wide, high]) = (trajectory.points[n], trajectory.widths.of(n));
             let weight = trajectory.weights.map_or(1.0, |w| w[n]);
@@ -141,17 +152,20 @@ impl Buffers {
         }
     }
 
-    /// Adds the kernels of the group to rows `v` and `v + 1`.
+    /// Adds the kernels of the group to rows `v` and the ones below it.
     #[inline(always)]
-    fn add(&mut self, v: u32, first: &mut [f32], second: &mut [f32]) {
+    fn add(&mut self, v: u32, rows: &mut [f32], width: usize) {
+        let below = v + TOGETHER as u32;
         self.active.clear();
-        self.active.extend(self.bumps.iter().filter(|b| b.rows[0] <= v + 1 && v < b.rows[1]));
+        self.active.extend(self.bumps.iter().filter(|b| b.rows[0] < below && v < b.rows[1]));
+        let (first, second) = rows.split_at_mut(2 * width);
+        let ((r0, r1), (r2, r3)) = (first.split_at_mut(width), second.split_at_mut(width));
         for together in self.active.chunks(TOGETHER) {
             let left = together.iter().map(|b| b.columns[0]).min().unwrap_or(0) as usize;
             let right = together.iter().map(|b| b.columns[1]).max().unwrap_or(0) as usize;
             // Where fewer are left, the first stands in with a factor of 0.
             let bump = |k: usize| together.get(k).unwrap_or(&together[0]);
-            let across: [&[f32]; TOGETHER] =
+            let [a, b, c, d]: [&[f32]; TOGETHER] =
                 std::array::from_fn(|k| &self.across[bump(k).across..][left..right]);
             let down = |v: u32| -> [f32; TOGETHER] {
                 std::array::from_fn(|k| match together.get(k) {
@@ -161,11 +175,16 @@ impl Buffers {
                     _ => 0.0,
                 })
             };
-            let ([a, b, c, d], f, s) = (across, down(v), down(v + 1));
-            let rows = first[left..right].iter_mut().zip(&mut second[left..right]);
-            for (((((x, y), a), b), c), d) in rows.zip(a).zip(b).zip(c).zip(d) {
-                *x += (f[0] * a + f[1] * b) + (f[2] * c + f[3] * d);
-                *y += (s[0] * a + s[1] * b) + (s[2] * c + s[3] * d);
+            let [f0, f1, f2, f3] = [down(v), down(v + 1), down(v + 2), down(v + 3)];
+            let sum =
+                |f: [f32; 4], a: f32, b: f32, c: f32, d: f32| (f[0] * a + f[1] * b) + (f[2] * c + f[3] * d);
+            let upper = r0[left..right].iter_mut().zip(&mut r1[left..right]);
+            let lower = r2[left..right].iter_mut().zip(&mut r3[left..right]);
+            for (((((upper, lower), &a), &b), &c), &d) in upper.zip(lower).zip(a).zip(b).zip(c).zip(d) {
+                *upper.0 += sum(f0, a, b, c, d);
+                *upper.1 += sum(f1, a, b, c, d);
+                *lower.0 += sum(f2, a, b, c, d);
+                *lower.1 += sum(f3, a, b, c, d);
             }
         }
     }
