@@ -102,7 +102,7 @@ def test_the_times_are_the_clock_s(icub, cloud):
     ticks = iter(range(10**6))
     task = painted(icub, cloud, clock=lambda: float(next(ticks)))
     for cycle in task.run():
-        looking = {"attention"} if cycle.phase == "reach" else {"landscape", "sampling"}
+        looking = {"landscape and sampling"} if cycle.phase == "reach" else {"landscape", "sampling"}
         assert set(cycle.seconds) == {"projection", *looking, "detection", "triangulation"}
         assert all(seconds == 1.0 for seconds in cycle.seconds.values())
 

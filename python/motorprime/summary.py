@@ -9,8 +9,9 @@ import numpy as np
 
 History: TypeAlias = list[dict[str, Any]]
 
-STAGES = ("projection", "landscape", "sampling", "attention", "detection", "triangulation")
-"""The stages of a vision cycle with attention, in their order. Attention is landscape and sampling in one."""
+STAGES = ("projection", "landscape", "sampling", "landscape and sampling", "detection", "triangulation")
+"""The stages of a vision cycle with attention, in their order. On the way to the target
+landscape and sampling are one call."""
 
 
 def summarise(history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -348,7 +348,7 @@ class Reach:
             views = self.projection.posed(joints)
             pixels = {camera: view.project(plan) for camera, view in views.items()}
         try:
-            with self.stages.time("attention"):
+            with self.stages.time("landscape and sampling"):
                 looks, where = self.attention.step(
                     pixels,
                     windows=self.settings.windows,
