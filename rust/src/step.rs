@@ -240,6 +240,7 @@ fn ellipse(simd: Simd, network: &Mlp, plan: &Plan<'_>, workspace: &mut Workspace
     Ok(Gaussian { mean: [u, v], chol: [factor(l1), l2, factor(l3)], cutoff, mixing })
 }
 
+/// Checks the size of a network against what the caller gave.
 fn fits(network: &Mlp, given: &str, joints: usize, inputs: usize, outputs: usize) -> Result<()> {
     if (network.inputs(), network.outputs()) == (inputs, outputs) {
         return Ok(());

@@ -242,10 +242,10 @@ impl Kernel for Batch<'_> {
         buffers.place(trajectory, points, shape, total);
         let norm = buffers.prepare(shape, support);
         match image {
-            Image::Whole(out) => buffers.rows(shape, support, out, |value, out| {
+            Image::Whole(out) => buffers.rows(shape, support, out, Some(0.0), |value, out| {
                 *out = (value * norm) as f32;
             }),
-            Image::Sum(sums) => buffers.rows(shape, support, sums, |value, sum| {
+            Image::Sum(sums) => buffers.rows(shape, support, sums, None, |value, sum| {
                 *sum += value * norm;
             }),
         }
@@ -300,16 +300,17 @@ impl Buffers {
         1.0 / scale
     }
 
-    /// Goes down the image: events first, then the row that the lines give.
+    /// Goes down the image: events first, then the row that the lines give. Pixels beside the support are set to
+    /// `outside`, or left alone.
     #[inline(always)]
-    fn rows<T: Copy + Default>(
+    fn rows<T: Copy>(
         &mut self,
         shape: Shape,
         support: &Support,
         image: &mut [T],
+        outside: Option<T>,
         write: impl Fn(f64, &mut T),
     ) {
-        let clears = size_of::<T>() == size_of::<f32>();
         for (k, band) in image.chunks_mut(self.band * shape.width()).enumerate() {
             if k > 0 {
                 let rows = self.band as f64 * self.row;
@@ -331,9 +332,9 @@ impl Buffers {
                 let span = support.columns(v);
                 let (start, end) = (span.start, span.end);
                 let inside = start - start % LANES..end.next_multiple_of(LANES).min(row.len());
-                if clears {
-                    row[..inside.start].fill(T::default());
-                    row[inside.end..].fill(T::default());
+                if let Some(outside) = outside {
+                    row[..inside.start].fill(outside);
+                    row[inside.end..].fill(outside);
                 }
                 let lines = self.offsets[inside.clone()].iter().zip(&self.slopes[inside.clone()]);
                 for (pixel, (&offset, &slope)) in row[inside].iter_mut().zip(lines) {
