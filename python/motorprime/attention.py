@@ -174,6 +174,9 @@ class Attention:
             kernel: 'triangular' or 'gaussian'.
             seed: as in :func:`attention_step`.
 
+        Returns:
+            {camera: look} and {camera: windows}, of the cameras in whose image the path leaves a trace.
+
         Raises:
             ArgumentError: an unknown camera, or pixels of another shape.
             NotInViewError: only NaN rows in every camera.

@@ -293,6 +293,8 @@ def sample(
     With a ``min_distance`` the windows do not crowd: each sample is drawn from the pixels that are at least
     so far from all samples before it, again in proportion to their values.
 
+    An extension of Lukic, Billard and Santos-Victor, Section IV-B, which samples by a chain.
+
     Args:
         landscape: (H, W) float32 or float64, finite and >= 0, not zero everywhere. Computed in float32.
         n: Number of samples; 0 gives an empty array.

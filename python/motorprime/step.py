@@ -34,7 +34,7 @@ class Attended:
         landscape: (H, W) float32.
         centres: (n, 2) int32 centres (u, v) of windows, or None where a mask was asked for.
         mask: (H, W) bool, the most relevant pixels, or None where windows were asked for.
-        level: the threshold of the mask.
+        level: the threshold of the mask, one of the landscape's values.
     """
 
     landscape: Landscape
@@ -67,6 +67,8 @@ def attention_step(
     kernels (Eq. 6-9). With ``maps`` and no points the maps give the ellipse of the reachable space for the
     posture (Eq. 2-5, 10). With ``pixels`` the path is projected already, by whatever :class:`Projection`.
 
+    Source: Lukic, Billard and Santos-Victor, Sections III and IV; the networks are those of III-A and III-B.
+
     Args:
         maps: {camera: map}. For a path a projection matrix (3, 4), of any scale and sign as for
             :class:`PinholeProjection`, or an ``Mlp`` from (x, y, z, joints) to (u, v). For a posture an
@@ -85,7 +87,8 @@ def attention_step(
         kernel: 'triangular' or 'gaussian'.
         cutoff: radius of the ellipses in standard deviations.
         mixing: pi of Eq. 10 for the ellipses, 1 for thresholds, about 0.2 for windows.
-        seed: as in :func:`gibbs_sample`; the k-th camera of the maps draws with ``seed + k`` modulo 2^64.
+        seed: as in :func:`gibbs_sample`; camera k of the maps, counted from 0, draws with ``seed + k`` modulo
+            2^64.
         threads: run the cameras side by side; the result is the same.
         out: results of earlier calls, whose arrays are written again where they fit what is asked. A camera
             that sees nothing is not in the result; ``kept |= attention_step(..., out=kept)`` keeps its

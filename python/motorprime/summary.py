@@ -10,8 +10,9 @@ import numpy as np
 History: TypeAlias = list[dict[str, Any]]
 
 STAGES = ("projection", "landscape", "sampling", "landscape and sampling", "detection", "triangulation")
-"""The stages of a vision cycle with attention, in their order. On the way to the target
-landscape and sampling are one call."""
+"""The stages of a vision cycle with attention, in their order.
+
+While the hand moves, landscape and sampling are one call and one stage."""
 
 
 def summarise(history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

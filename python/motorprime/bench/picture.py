@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ArgumentError, MissingExtraError
-from ..report.plots import INK, LINE, STYLE
+from ..report.plots import INK, LINE, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,10 +53,9 @@ def draw(result: Mapping[str, Any], path: Path) -> None:
         MissingExtraError: matplotlib is missing.
     """
     check_picture(path)
-    import matplotlib
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]
+    with styled():
         kernels = result["kernels"]
         figure = Figure(figsize=(10.5, 2.1 + 0.42 * len(kernels)), layout="constrained")
         _figure(figure, kernels, result["memcpy_us"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import io
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,6 +38,13 @@ STYLE: dict[str, Any] = {
 }
 
 
+def styled() -> AbstractContextManager[None]:
+    """The look of all pictures, for as long as the context lasts."""
+    import matplotlib
+
+    return matplotlib.rc_context(STYLE)  # type: ignore[arg-type]
+
+
 def check_plots() -> None:
     """Raise now what :func:`plot_shots` would raise at the end of a run.
 
@@ -57,12 +65,10 @@ def plot_shots(data: Mapping[str, Any]) -> list[Shot]:
         MissingExtraError: matplotlib is missing.
     """
     check_plots()
-    import matplotlib
-
     history = data["history"]
     if not history:
         return []
-    with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]
+    with styled():
         shots = [_times(history), _attended(history)]
         reach = [record for record in history if record["goal"] is not None]
         if len(reach) >= 2:
