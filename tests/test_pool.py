@@ -22,6 +22,9 @@ def test_a_dropped_landscape_s_memory_serves_again():
     first = landscape(50)
     place = address(first)
     del first
+    # Without the pool the allocator would give the memory to whoever comes first.
+    others = [np.empty(SHAPE, np.float32) for _ in range(20)]
+    assert all(address(other) != place for other in others)
     assert address(landscape(70)) == place
 
 
