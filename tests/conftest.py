@@ -15,6 +15,8 @@ def _installed(module):
 
 _NEEDS = {
     "sim": ("pybullet", "icub_models", "scipy", "trimesh", "fast_simplification"),
+    "learn": ("duckdb", "joblib", "pyarrow", "scipy"),
+    "scale": ("distributed",),
     "viz": ("matplotlib",),
 }
 _REASONS = {

@@ -1,0 +1,1 @@
+"""Learning visuomotor maps: babbling, storing, training, choosing."""
