@@ -74,18 +74,23 @@ class Postures:
             "in view of a camera"
         )
 
-    def in_view(self, posture: Posture) -> dict[str, bool]:
-        """Whether each camera has the whole ball in its image, grown by the margin."""
-        seen = self._in_view(posture.gaze[None], posture.point[None])
+    def in_view(self, gaze: Floats, point: Floats) -> dict[str, bool]:
+        """Whether each camera has the whole ball round ``point`` (3,) [m] in its image and margin."""
+        seen = self._in_view(gaze[None], point[None])
         return {name: bool(value[0]) for name, value in seen.items()}
+
+    def place(self, gaze: Floats, arm: Floats) -> Floats:
+        """Where the kinematics put the point: postures (..., n) and (..., m) [rad] -> (..., 3) [m]."""
+        hands = self._chest.forward(gaze) @ self.robot.arm_chain.forward(arm)
+        places: Floats = (hands @ self._tip)[..., :3]
+        return places
 
     def _draw(self, generator: np.random.Generator, count: int) -> tuple[Floats, Floats, Floats]:
         def uniform(limits: Floats) -> Floats:
             return generator.uniform(limits[:, 0], limits[:, 1], (count, len(limits)))
 
         gaze, arm = uniform(self._gaze_limits), uniform(self._arm_limits)
-        hands = self._chest.forward(gaze) @ self.robot.arm_chain.forward(arm)
-        return gaze, arm, (hands @ self._tip)[:, :3]
+        return gaze, arm, self.place(gaze, arm)
 
     def _in_view(self, gaze: Floats, points: Floats) -> dict[str, npt.NDArray[np.bool_]]:
         seen = {}
