@@ -105,7 +105,7 @@ class GazeBabble:
             encoders = here.world.gaze()
             wanted = self._postures.in_view(encoders, drawn.point)
             pictures = _pictures(here, wanted, self.noise, generator)
-        views = _views(pictures, self._projection.posed(encoders), drawn.point, self.radius)
+        views = _views(self.robot, pictures, self._projection.posed(encoders), drawn.point, self.radius)
         return _sample(self.robot.gaze, encoders, drawn.point, views), views
 
 
@@ -196,7 +196,7 @@ class MarkerBabble:
             wanted = self._true_postures.in_view(gaze, marker)
             pictures = _pictures(here, wanted, self.noise, generator)
         point = self._postures.place(gaze, arm)
-        views = _views(pictures, self._projection.posed(gaze), point, self.radius)
+        views = _views(self.robot, pictures, self._projection.posed(gaze), point, self.radius)
         return _sample(names, encoders, point, views), views
 
 
@@ -235,16 +235,20 @@ def _pictures(
 
 
 def _views(
+    robot: Robot,
     pictures: Mapping[str, NDArray[np.uint8]],
     cameras: Mapping[str, PosedCamera],
     point: Floats,
     radius: float,
 ) -> dict[str, View]:
-    """Label the pictures; a camera without one saw nothing."""
+    """Label the pictures that ``robot`` took; a camera without one saw nothing.
+
+    The lens with which a picture was taken says how a whole ball looks in it; ``cameras`` only predict.
+    """
     views = {}
     for name, camera in cameras.items():
         picture = pictures.get(name)
-        sighting = Sighting(OUTSIDE) if picture is None else find_ball(picture, camera.camera)
+        sighting = Sighting(OUTSIDE) if picture is None else find_ball(picture, robot.cameras[name].camera)
         views[name] = View(picture, sighting, _outline_centre(camera, point, radius))
     return views
 
