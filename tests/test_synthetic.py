@@ -150,11 +150,11 @@ def test_wrong_numbers_are_errors_that_name_them(robot, change, error, words):
 
 
 def test_robots_of_other_joints_are_refused(robot):
-    with pytest.raises(ArgumentError, match="nominal: .*robot 'small'"):
+    with pytest.raises(ArgumentError, match=r"nominal: .*robot 'small'"):
         draw_samples(robot, replace(robot, gaze=("waist", "neck", "version", "squint")), 3, 0)
     with pytest.raises(ArgumentError, match=r"gaze: expected shape \(N, 4\), got \(4,\)"):
         palm_points(robot, np.zeros(4), np.zeros((1, 2)))
-    with pytest.raises(ArgumentError, match="gaze: .*nan"):
+    with pytest.raises(ArgumentError, match=r"gaze: .*nan"):
         palm_points(robot, [[0, 0, 0, np.nan]], np.zeros((1, 2)))
 
 

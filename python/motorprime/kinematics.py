@@ -30,6 +30,17 @@ def rotation_from_rpy(rpy: ArrayLike) -> Floats:
     )
 
 
+def rpy_from_rotation(rotation: ArrayLike) -> Floats:
+    """URDF's roll, pitch, yaw (3,) [rad] of a rotation (3, 3), exact at a pitch of 90 degrees too.
+
+    There only yaw - roll or yaw + roll is determined; yaw is whatever rounding says, and roll follows from it.
+    """
+    matrix = fixed("rotation", rotation, (3, 3))
+    yaw = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+    left = rotation_from_rpy((0.0, 0.0, -yaw)) @ matrix
+    return np.array([np.arctan2(-left[1, 2], left[1, 1]), np.arctan2(-left[2, 0], left[0, 0]), yaw])
+
+
 def transform(rotation: ArrayLike, translation: ArrayLike) -> Floats:
     """Homogeneous matrix (4, 4) of a rotation (3, 3) and a translation (3,) [m]."""
     matrix = np.eye(4)
@@ -67,6 +78,10 @@ class Joint:
     def moves(self) -> bool:
         """Whether it has an angle."""
         return self.kind != "fixed"
+
+    def turn(self, angle: Floats) -> Floats:
+        """Rotation about its axis: angles (...) [rad] -> (..., 4, 4)."""
+        return _Turn(self.axis).by(angle)
 
 
 class KinematicTree:
@@ -163,9 +178,14 @@ class KinematicTree:
 
 
 class Chain:
-    """A serial chain; its variables are the angles [rad] of its moving joints, from base to tip."""
+    """A serial chain; its variables are the angles [rad] of its moving joints, from base to tip.
+
+    Args:
+        joints: moving and fixed ones, from base to tip, each on the child of the one before.
+    """
 
     def __init__(self, joints: tuple[Joint, ...]) -> None:
+        self.joints = joints
         self.names: tuple[str, ...] = tuple(joint.name for joint in joints if joint.moves)
         self.limits: Floats = np.array([(j.lower, j.upper) for j in joints if j.moves]).reshape(-1, 2)
         # Fixed joints fold into the origin of the next moving one, so a pose costs one product per variable.

@@ -1,4 +1,4 @@
-"""Babbling computed instead of moved: postures, places of the hand, and their pixels by a robot's kinematics."""
+"""Babbling computed instead of moved: postures, places of the hand, and their pixels by kinematics."""
 
 from __future__ import annotations
 
