@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -238,14 +239,14 @@ def _gradient(network: Network, layers: list[Floats], delta: Floats) -> Floats:
 def _solve(hessian: Floats, gradient: Floats, mu: float) -> Floats | None:
     """The step, or None where the damped matrix is singular in floating point."""
     try:
-        step: Floats = np.linalg.solve(hessian + mu * np.eye(len(hessian)), gradient)
+        step = np.asarray(np.linalg.solve(hessian + mu * np.eye(len(hessian)), gradient), np.float64)
     except np.linalg.LinAlgError:
         return None
     return step if np.isfinite(step).all() else None
 
 
 def _enough(count: int, training: int, sizes: tuple[int, ...]) -> None:
-    weights = sum((fan_in + 1) * fan_out for fan_in, fan_out in zip(sizes[:-1], sizes[1:], strict=True))
+    weights = sum((fan_in + 1) * fan_out for fan_in, fan_out in pairwise(sizes))
     needed = int(np.ceil(weights / 2 / sizes[-1] / SHARES[0]))
     if training * sizes[-1] * 2 < weights:
         raise ArgumentError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -67,8 +68,9 @@ class Network:
         if len(x) == 0:
             raise ArgumentError("x: expected at least one sample, got none")
         rng = generator(seed)
-        weights, biases = [], []
-        for fan_in, fan_out in zip(sizes[:-2], sizes[1:-1], strict=True):
+        weights: list[Floats] = []
+        biases: list[Floats] = []
+        for fan_in, fan_out in pairwise(sizes[:-1]):
             directions = rng.normal(size=(fan_out, fan_in))
             directions /= np.linalg.norm(directions, axis=1, keepdims=True)
             # Inputs of unit variance reach about to +-sqrt(3), tanh's outputs to +-1.
@@ -117,7 +119,7 @@ class Network:
         )
 
     def activations(self, z: Floats) -> list[Floats]:
-        """What every layer gives for normalised inputs (N, in), themselves first, the normalised output last."""
+        """What every layer gives for normalised inputs (N, in): themselves first, the outputs last."""
         layers = [z]
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             z = z @ weight.T + bias
@@ -164,15 +166,15 @@ class Network:
         count = sum(name.startswith(f"{prefix}weight") for name in arrays)
         weights = tuple(take(f"weight{k}", 2) for k in range(max(count, 1)))
         biases = tuple(take(f"bias{k}", 1) for k in range(max(count, 1)))
-        normalisation = [take(name, 1) for name in _NORMALISATION]
+        normalisation = {name: take(name, 1) for name in _NORMALISATION}
         inside = [weight.shape[1] for weight in weights]
         outside = [len(weight) for weight in weights]
-        ends = [len(part) for part in normalisation]
+        ends = [len(part) for part in normalisation.values()]
         chained = outside == [*inside[1:], ends[2]] and outside == [len(bias) for bias in biases]
         if not chained or ends[:2] != inside[:1] * 2 or ends[2] != ends[3]:
             raise ArgumentError(f"network: layers of {list(zip(inside, outside, strict=True))} do not fit")
         constant = tuple(int(k) for k in take("constant", 1))
-        return cls(weights, biases, *normalisation, constant)
+        return cls(weights, biases, **normalisation, constant=constant)
 
 
 _NORMALISATION = ("input_mean", "input_std", "output_mean", "output_std")
