@@ -128,6 +128,17 @@ class Network:
             layers.append(z)
         return layers
 
+    def jacobian(self, x: npt.ArrayLike) -> Floats:
+        """Derivatives (N, out, in) of :meth:`forward` by its inputs."""
+        x = rows("x", x, self.sizes[0])
+        layers = self.activations((x - self.input_mean) / self.input_std)
+        slopes = np.broadcast_to(np.diag(self.output_std), (len(x), *2 * (len(self.output_std),)))
+        for k in range(len(self.weights) - 1, -1, -1):
+            slopes = slopes @ self.weights[k]
+            if k:
+                slopes = slopes * (1.0 - layers[k] ** 2)[:, None, :]
+        return np.asarray(slopes / self.input_std)
+
     def mlp(self) -> Mlp:
         """The network as a kernel, in single precision."""
         return Mlp(
@@ -148,6 +159,24 @@ class Network:
             named[prefix + name] = getattr(self, name)
         named[f"{prefix}constant"] = np.array(self.constant, dtype=np.float64)
         return named
+
+    def composed(self, matrix: Floats, shift: Floats) -> Network:
+        """The network of x -> f(M x + t): matrix (in, in), shift (in,); it is as fast as f."""
+        weight, mean, std = self.weights[0], self.input_mean, self.input_std
+        inner = matrix * std / std[:, None]
+        bias = self.biases[0] + weight @ ((matrix @ mean + shift - mean) / std)
+        return replace(self, weights=(weight @ inner, *self.weights[1:]), biases=(bias, *self.biases[1:]))
+
+    def followed(self, matrix: Floats, shift: Floats) -> Network:
+        """The network of x -> m + M (f(x) - m) + t, m the outputs' mean: matrix (out, out), shift (out,)."""
+        std = self.output_std
+        outer = matrix * std / std[:, None]
+        return replace(
+            self,
+            weights=(*self.weights[:-1], outer @ self.weights[-1]),
+            biases=(*self.biases[:-1], outer @ self.biases[-1]),
+            output_mean=self.output_mean + shift,
+        )
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]], prefix: str = "") -> Network:
