@@ -19,7 +19,7 @@ from ._arrays import Floats, positive
 from .camera import PosedCamera
 from .detectors.histogram import Silhouette
 from .errors import ArgumentError
-from .projection.base import nearest_to_rays
+from .projection.triangulation import nearest_to_rays
 
 NEAREST = 0.02  # depth at which a cylinder may stand [m]
 RIM = 48  # points on each rim
