@@ -9,7 +9,7 @@ import pytest
 
 from motorprime import Camera, KinematicProjection
 from motorprime.errors import ArgumentError, ArgumentTypeError, StateError
-from motorprime.learning.synthetic import draw_samples, inside, palm_points
+from motorprime.learning.synthetic import draw_samples, palm_points
 from motorprime.robot import CameraMount
 from small_robot import PALM_FRAME, reference_pose, small_robot, turn
 
@@ -122,14 +122,6 @@ def test_hands_too_near_to_an_eye_are_not_seen_by_it(robot):
 
     middle = float(np.median(depths(draw_samples(robot, robot, 100, 7))))
     assert depths(draw_samples(robot, robot, 100, 7, nearest=middle)).min() >= middle
-
-
-def test_the_image_reaches_half_a_pixel_beyond_the_outer_centres():
-    camera = Camera(320, 240, 250.0, 250.0, 160.0, 120.0)
-    pixels = np.array(
-        [[-0.5, -0.5], [319.4, 239.4], [-0.6, 0], [319.5, 0], [0, -0.6], [0, 239.5], [np.nan] * 2]
-    )
-    np.testing.assert_array_equal(inside(camera, pixels), [True, True] + 5 * [False])
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .._arrays import Floats, finite, fixed, generator, integer, numbers
-from ..camera import Camera
 from ..errors import ArgumentError, StateError
+from ..projection.base import inside
 from ..robot import Robot
 from ..samples import Samples
 
@@ -96,14 +96,6 @@ def palm_points(robot: Robot, gaze: npt.ArrayLike, arm: npt.ArrayLike) -> Floats
     return palm
 
 
-def inside(camera: Camera, pixels: Floats) -> npt.NDArray[np.bool_]:
-    """Whether pixels (N, 2) lie in the image, which reaches from -0.5 to width - 0.5; NaN rows do not."""
-    height, width = camera.shape
-    with np.errstate(invalid="ignore"):
-        within = (pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5))
-    return np.asarray(within.all(axis=1))
-
-
 def _uniform(rng: np.random.Generator, robot: Robot, variables: tuple[str, ...]) -> Floats:
     limits = robot.limits(variables)
     return rng.uniform(limits[:, 0], limits[:, 1], (BATCH, len(limits)))
@@ -115,7 +107,7 @@ def _seen(robot: Robot, name: str, posture: Floats, points: Floats, nearest: flo
     pose = chain.forward(robot.urdf_angles(chain.names, posture))
     local = np.einsum("nji,nj->ni", pose[:, :3, :3], points - pose[:, :3, 3])
     pixels = camera.project(local)
-    return np.where((inside(camera, pixels) & (local[:, 2] >= nearest))[:, None], pixels, np.nan)
+    return np.where((inside(pixels, camera.shape) & (local[:, 2] >= nearest))[:, None], pixels, np.nan)
 
 
 def _not_negative(name: str, value: float) -> float:
