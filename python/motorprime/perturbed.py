@@ -30,7 +30,7 @@ def perturb(
     mounting: float = 0.0,
     arm: bool = False,
 ) -> Robot:
-    """A robot as it might be in truth, when ``robot`` is its model: see :func:`draw_errors`, :func:`build`."""
+    """A robot as it may be in truth when ``robot`` is its model: :func:`draw_errors`, then :func:`build`."""
     errors = draw_errors(
         robot, seed, offsets=offsets, links=links, focal=focal, distortion=distortion, mounting=mounting,
         arm=arm,
@@ -168,8 +168,7 @@ def _add_camera_link(root: ET.Element, camera: str, link: str, mounting: Floats)
     name = f"{link}_{camera}_camera"
     inertial = ET.SubElement(ET.SubElement(root, "link", name=name), "inertial")
     ET.SubElement(inertial, "mass", value="1e-6")
-    zero = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-    ET.SubElement(inertial, "inertia", ixx="1e-9", iyy="1e-9", izz="1e-9", **zero)
+    ET.SubElement(inertial, "inertia", ixx="1e-9", ixy="0", ixz="0", iyy="1e-9", iyz="0", izz="1e-9")
     joint = ET.SubElement(root, "joint", name=f"{name}_joint", type="fixed")
     ET.SubElement(joint, "parent", link=link)
     ET.SubElement(joint, "child", link=name)

@@ -36,7 +36,7 @@ class CalibrationResult:
     Attributes:
         calibration: the corrections, with their covariance, so that a later calibration can go on from them.
         used: {camera: samples that it saw}.
-        median, rms: {camera: length of the residuals [px]}, outliers left out of the rms; NaN without samples.
+        median, rms: {camera: length of the residuals [px]}, the rms without outliers; NaN without samples.
         outliers: {camera: (N,) bool}, samples whose label is not believed.
         spread: standard deviation [px] of the labels in u and in v, as estimated.
         iterations: steps that were tried.
@@ -74,9 +74,10 @@ def calibrate(
 
     Args:
         robot: as its model says, with its URDF.
-        samples: of some of the robot's cameras. With ``points``, they are taken as exact. Without, the samples
-            show one point of the hand, their joints include the arm's, and the arm's offsets and links and the
-            point itself are estimated too; the torso moves eyes and hand alike and shows nothing then.
+        samples: of some of the robot's cameras. With ``points``, they are taken as exact. Without, the
+            samples show one point of the hand, their joints include the arm's, and the arm's offsets and
+            links and the point itself are estimated too; the torso moves eyes and hand alike and shows
+            nothing then.
         priors: standard deviations around the nominal model (m = 0). None: ``Priors()``, or, where ``start``
             has a covariance, m and P are those of ``start``: samples that gave it need not be given again.
         start: corrections to begin with.
@@ -176,7 +177,7 @@ def _minimise(problem: _Problem, x: Floats, noise: float, iterations: int) -> _F
         tried += 1
         step = -np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
         new = problem.at(state.x + step)
-        promised = -(gradient @ step) / 2.0
+        promised = float(gradient @ np.linalg.solve(hessian, gradient)) / 2.0
         if new.cost(spread) <= state.cost(spread):
             state, damping = new, max(damping / 10.0, 1e-9)
             tighter = min(spread, max(noise, _spread(state)))
@@ -184,8 +185,7 @@ def _minimise(problem: _Problem, x: Floats, noise: float, iterations: int) -> _F
             spread = tighter
             gradient, hessian = state.system(spread)
         else:
-            # At the minimum rounding decides whether a step is better.
-            converged = promised < _ENOUGH
+            converged = promised < _ENOUGH  # at the minimum rounding decides whether a step is better
             damping *= 10.0
     return _Fit(state, spread, tried, converged)
 
@@ -222,7 +222,7 @@ def _report(problem: _Problem, samples: Samples, fit: _Fit) -> CalibrationResult
         spread=fit.spread,
         iterations=fit.iterations,
         converged=fit.converged,
-        constant=tuple(name for name, fixed in zip(names, still, strict=False) if fixed),
+        constant=tuple(name for name, flag in zip(names, still.tolist(), strict=False) if flag),
     )
 
 

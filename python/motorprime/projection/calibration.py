@@ -82,8 +82,8 @@ class Calibration:
             own = robot.cameras[name].camera
             if (camera.width, camera.height) != (own.width, own.height):
                 raise ArgumentError(
-                    f"calibration: camera '{name}' of robot '{robot.name}' has {own.width} x {own.height} px, "
-                    f"the calibration's has {camera.width} x {camera.height}"
+                    f"calibration: camera '{name}' has {own.width} x {own.height} px, the calibration's has "
+                    f"{camera.width} x {camera.height}"
                 )
 
     def camera(self, robot: Robot, name: str) -> Camera:

@@ -66,13 +66,24 @@ class KinematicProjection(PosedProjection):
             raise ArgumentError(f"joints: expected shape ({size},) or (N, {size}), got {q.shape}")
         palm, hand = self._palm.forward(q), self.calibration.hand
         points = hand @ palm[..., :3, :3].swapaxes(-1, -2) + palm[..., None, :3, 3]
-        pixels: dict[str, Floats] = {}
+        local = self.in_cameras(points, q[..., :gaze])
+        return {
+            name: self._cameras[name].project(part.reshape(-1, 3)).reshape(*part.shape[:-1], 2)
+            for name, part in local.items()
+        }
+
+    def in_cameras(self, points: Floats, joints: Floats) -> dict[str, Floats]:
+        """Points in each camera's frame {camera: (..., K, 3)} [m].
+
+        Args:
+            points: (..., K, 3) [m] in the root frame.
+            joints: (..., gaze) [rad], one posture for each K of them.
+        """
+        local = {}
         for name, chain in self._chains.items():
-            pose = chain.forward(q[..., :gaze])
-            local = (points - pose[..., None, :3, 3]) @ pose[..., :3, :3]
-            seen = self._cameras[name].project(local.reshape(-1, 3))
-            pixels[name] = seen.reshape(*local.shape[:-1], 2)
-        return pixels
+            pose = chain.forward(joints)
+            local[name] = (points - pose[..., None, :3, 3]) @ pose[..., :3, :3]
+        return local
 
     def adapt(self, samples: Samples, *, priors: Priors | None = None) -> KinematicProjection:
         """A projection calibrated by samples; this one stays as it is.

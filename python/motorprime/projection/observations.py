@@ -72,8 +72,8 @@ class Observations:
     ) -> Prediction:
         """One camera's rows; ``slopes`` (M, 3, P) are those of the points.
 
-        With the camera's pose [R, c] the point in its frame is R^T (x - c), and a motion of the camera's links
-        by dx at x moves it by -R^T dx.
+        With the camera's pose [R, c] the point in its frame is R^T (x - c); a motion of the camera's links by
+        dx at x moves it by -R^T dx.
         """
         parameters, camera = self.parameters, calibration.camera(self.parameters.robot, name)
         joints = self.joints[self.rows[name], : len(parameters.robot.gaze)]
