@@ -142,6 +142,55 @@ def _place(text: str | None) -> tuple[float, float] | None:
     return x, y
 
 
+@app.command(short_help="Collect samples to learn from: random postures and a ball.")
+def babble(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of the samples; made if it is missing, continued if not.")
+    ],
+    samples: Annotated[int, typer.Option(min=1, help="How many it is to hold in the end.")] = 15000,
+    what: Annotated[str, typer.Option(help="gaze, arm or marker; see above.")] = "gaze",
+    mode: Annotated[
+        str, typer.Option(help="near: postures that have the ball in view; uniform: all postures.")
+    ] = "near",
+    seed: Seed = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that compute beside each other.")] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler whose workers compute instead.")
+    ] = None,
+    noise: Annotated[
+        float, typer.Option(min=0.0, max=255.0, help="Noise of the eyes' sensors [grey levels].")
+    ] = 0.0,
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="Write a sheet of a dozen samples and their labels to this file.", dir_okay=False),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the result as JSON on stdout, everything else on stderr.")
+    ] = False,
+) -> None:
+    """Collect samples to learn from, by motor babbling with the simulated iCub.
+
+    gaze: random postures of torso, neck and eyes, and a green ball somewhere within the hand's reach.
+    Encoders, the ball's place and its pixels in both eyes are kept. arm: random postures of the arm and the
+    palm's place in the chest's frame. marker: gaze and arm move, and the ball is fixed to the hand, as on a
+    real robot.
+
+    The folder holds manifest.json and Parquet files. A run that was stopped, or asked for more samples, goes
+    on where it is; sample number i depends on the seed and i only, whoever computes it. Samples of another
+    seed, mode or robot need another folder.
+
+    Exit code: 0 when the folder holds all samples, 2 for an error, 130 when interrupted.
+    """
+    from .babble_face import BabbleOptions, run_babble
+
+    options = BabbleOptions(folder, samples, what, mode, seed, workers, scheduler, noise, picture)
+    result = run_babble(options, err if as_json else out)
+    if as_json:
+        sys.stdout.write(json.dumps(result, indent=2) + "\n")
+    if result["outcome"] == "interrupted":
+        raise typer.Exit(130)
+
+
 @app.command(short_help="Time the kernels beside their best exact peers.")
 def bench(
     kernel: Annotated[
