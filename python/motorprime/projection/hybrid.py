@@ -77,14 +77,28 @@ class HybridProjection(Projection):
     def project(self, points: npt.ArrayLike, joints: npt.ArrayLike | None = None) -> dict[str, Floats]:
         """Project points (N, 3) to pixels {name: (N, 2)}; see :meth:`Projection.project`."""
         points = rows("points", points, 3)
-        pixels = {}
-        for name, camera in self.kinematic.posed(joints).items():
-            local = camera.to_camera(points)
-            pixels[name] = camera.camera.project(local)
-            if name in self._mlps:
-                seen = ~np.isnan(pixels[name][:, 0])
-                x = _inputs(pixels[name][seen], local[seen], np.asarray(joints, dtype=np.float64))
-                pixels[name][seen] += self._mlps[name](x)
+        return {
+            name: self._pixels(name, camera.to_camera(points), np.asarray(joints, dtype=np.float64))
+            for name, camera in self.kinematic.posed(joints).items()
+        }
+
+    def hand_pixels(self, joints: npt.ArrayLike) -> dict[str, Floats]:
+        """Where the hand appears, from encoders alone; see :meth:`KinematicProjection.hand_pixels`."""
+        points = self.kinematic.hand_points(joints)
+        gaze = np.asarray(joints, dtype=np.float64)[..., : len(self.kinematic.robot.gaze)]
+        repeated = np.repeat(np.atleast_2d(gaze), points.shape[-2], axis=0)
+        return {
+            name: self._pixels(name, local.reshape(-1, 3), repeated).reshape(*local.shape[:-1], 2)
+            for name, local in self.kinematic.in_cameras(points, gaze).items()
+        }
+
+    def _pixels(self, name: str, local: Floats, joints: Floats) -> Floats:
+        """Pixels (N, 2) of points (N, 3) in the camera's frame; joints (J,) or (N, J)."""
+        pixels = self.kinematic.camera(name).project(local)
+        if name in self._mlps:
+            seen = ~np.isnan(pixels[:, 0])
+            x = _inputs(pixels[seen], local[seen], joints if joints.ndim == 1 else joints[seen])
+            pixels[seen] += self._mlps[name](x)
         return pixels
 
     def jacobian(self, points: npt.ArrayLike, joints: npt.ArrayLike | None = None) -> dict[str, Floats]:
@@ -114,20 +128,18 @@ class HybridProjection(Projection):
         return self.kinematic.depths(points, joints)
 
     def adapt(self, samples: Samples) -> HybridProjection:
-        """A projection adapted by samples with points; this one stays as it is.
+        """A projection adapted by samples; this one stays as it is.
 
         First the kinematics are calibrated. Then a camera gets a network if, on samples held out from the
         calibration and from the network, it is better than none by more than chance. Adapting again goes on
-        from the calibration, and makes new networks of the latest 1000 samples.
+        from the calibration, and makes new networks of the latest 1000 samples; samples without points, which
+        are of the hand, and samples with points are not kept together.
 
         Raises:
-            ArgumentError: samples without points, or of which
-                :func:`motorprime.projection.calibrate` cannot make anything.
+            ArgumentError: samples of which :func:`motorprime.projection.calibrate` cannot make anything.
         """
         if not isinstance(samples, Samples):
             raise ArgumentTypeError(f"samples: expected Samples, got {type(samples).__name__}")
-        if samples.points is None:
-            raise ArgumentError("samples: without the points' places there is nothing left to learn")
         kinematic = self.kinematic.adapt(samples)
         pool = _joined(self.memory, samples, self.kinematic)
         chosen = self._chosen_forms(samples)
@@ -179,9 +191,10 @@ class HybridProjection(Projection):
         arrays = dict(calibration.arrays())
         for name, network in self.residuals.items():
             arrays |= network.arrays(f"{name}.residual.")
-        if memory is not None and memory.points is not None:
-            arrays |= {"memory.joints": memory.joints, "memory.points": memory.points}
-            arrays |= {f"memory.{name}": pixels for name, pixels in memory.pixels.items()}
+        if memory is not None:
+            arrays |= {"memory.joints": memory.joints}
+            arrays |= {} if memory.points is None else {"memory.points": memory.points}
+            arrays |= {f"memory.pixels.{name}": pixels for name, pixels in memory.pixels.items()}
         about = calibration.about() | {
             "residuals": list(self.residuals),
             "memory": None if memory is None else {"names": memory.names, "cameras": memory.cameras},
@@ -206,8 +219,8 @@ class HybridProjection(Projection):
                 memory = Samples(
                     tuple(kept["names"]),
                     arrays["memory.joints"],
-                    {name: arrays[f"memory.{name}"] for name in kept["cameras"]},
-                    arrays["memory.points"],
+                    {name: arrays[f"memory.pixels.{name}"] for name in kept["cameras"]},
+                    arrays.get("memory.points"),
                 )
             return cls(kinematic, residuals, memory)
         except (KeyError, TypeError, ValueError) as error:
@@ -226,24 +239,36 @@ def _inputs(pixels: Floats, local: Floats, joints: Floats) -> Floats:
 
 def _left_over(kinematic: KinematicProjection, samples: Samples, name: str) -> tuple[Floats, Floats]:
     """Inputs (M, in) of one camera's network and what kinematics leave of the labels (M, 2) [px]."""
-    joints = samples.columns(kinematic.robot.gaze)
-    points = np.asarray(samples.points)
-    local = kinematic.in_cameras(points[:, None], joints)[name][:, 0]
-    pixels = kinematic.calibration.camera(kinematic.robot, name).project(local)
+    robot, points = kinematic.robot, samples.points
+    joints = samples.columns(robot.gaze)
+    places = (
+        kinematic.hand_points(samples.columns(_joints(robot, samples))) if points is None else points[:, None]
+    )
+    local = kinematic.in_cameras(places, joints)[name][:, 0]
+    pixels = kinematic.camera(name).project(local)
     good = samples.seen(name) & ~np.isnan(pixels[:, 0])
     return _inputs(pixels[good], local[good], joints[good]), samples.pixels[name][good] - pixels[good]
 
 
 def _joined(memory: Samples | None, samples: Samples, kinematic: KinematicProjection) -> Samples:
     """The latest of both, in the robot's order of joints; a camera that one of them lacks saw nothing."""
-    parts = [samples] if memory is None else [memory, samples]
+    parts = [samples]
+    if memory is not None and (memory.points is None) == (samples.points is None):
+        parts = [memory, samples]
+    names = _joints(kinematic.robot, samples)
     blind = {len(part): np.full((len(part), 2), np.nan) for part in parts}
+    points = [part.points for part in parts if part.points is not None]
     return Samples(
-        kinematic.robot.gaze,
-        np.concatenate([part.columns(kinematic.robot.gaze) for part in parts])[-MEMORY:],
+        names,
+        np.concatenate([part.columns(names) for part in parts])[-MEMORY:],
         {
             name: np.concatenate([part.pixels.get(name, blind[len(part)]) for part in parts])[-MEMORY:]
             for name in kinematic.cameras
         },
-        np.concatenate([np.asarray(part.points) for part in parts])[-MEMORY:],
+        np.concatenate(points)[-MEMORY:] if points else None,
     )
+
+
+def _joints(robot: Robot, samples: Samples) -> tuple[str, ...]:
+    """The joints that count: where the samples are of the hand, the arm's too."""
+    return robot.gaze if samples.points is not None else (*robot.gaze, *robot.arm)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import numpy.typing as npt
 
 from .._arrays import Floats, finite, numbers
-from ..camera import PosedCamera
+from ..camera import Camera, PosedCamera
 from ..errors import ArgumentError
 from ..model_files import read_model, write_model
 from ..robot import Robot
@@ -50,6 +51,10 @@ class KinematicProjection(PosedProjection):
             name: PosedCamera(self._cameras[name], chain.forward(q)) for name, chain in self._chains.items()
         }
 
+    def camera(self, name: str) -> Camera:
+        """The corrected camera of a name."""
+        return self._cameras[name]
+
     def hand_pixels(self, joints: npt.ArrayLike) -> dict[str, Floats]:
         """Where the hand appears, from encoders alone: {camera: (K, 2)}, rows as in :meth:`project`.
 
@@ -60,17 +65,22 @@ class KinematicProjection(PosedProjection):
         Raises:
             ArgumentError: another shape, NaN or infinity.
         """
-        q = finite("joints", numbers("joints", joints))
-        gaze, size = len(self.robot.gaze), len(self.robot.gaze) + len(self.robot.arm)
-        if q.ndim not in (1, 2) or q.shape[-1] != size:
-            raise ArgumentError(f"joints: expected shape ({size},) or (N, {size}), got {q.shape}")
-        palm, hand = self._palm.forward(q), self.calibration.hand
-        points = hand @ palm[..., :3, :3].swapaxes(-1, -2) + palm[..., None, :3, 3]
-        local = self.in_cameras(points, q[..., :gaze])
+        points = self.hand_points(joints)
+        local = self.in_cameras(points, np.asarray(joints)[..., : len(self.robot.gaze)])
         return {
             name: self._cameras[name].project(part.reshape(-1, 3)).reshape(*part.shape[:-1], 2)
             for name, part in local.items()
         }
+
+    def hand_points(self, joints: npt.ArrayLike) -> Floats:
+        """Where the hand is in the root frame, (K, 3) or (N, K, 3) [m]; arguments as in :meth:`hand_pixels`."""
+        q = finite("joints", numbers("joints", joints))
+        size = len(self.robot.gaze) + len(self.robot.arm)
+        if q.ndim not in (1, 2) or q.shape[-1] != size:
+            raise ArgumentError(f"joints: expected shape ({size},) or (N, {size}), got {q.shape}")
+        palm = self._palm.forward(q)
+        places: Floats = self.calibration.hand @ palm[..., :3, :3].swapaxes(-1, -2) + palm[..., None, :3, 3]
+        return places
 
     def in_cameras(self, points: Floats, joints: Floats) -> dict[str, Floats]:
         """Points in each camera's frame {camera: (..., K, 3)} [m].

@@ -19,7 +19,7 @@ from ..learning.network import Network
 HIDDEN = 30
 RIDGES = (0.3, 3.0, 30.0)
 FOLDS = 5
-SURE = 2.0
+SURE = 3.0
 """A network is taken if it lowers the held-out error by this many standard errors of the mean."""
 
 _SOFT = 2.5  # residuals count less from this many standard deviations on
