@@ -1,8 +1,8 @@
 """Projections: from points in the robot's root frame to pixels in each of its cameras, and back."""
 
 from .base import PosedProjection, Projection
-from .calibrate import CalibrationResult, calibrate
 from .calibration import Calibration
+from .estimation import CalibrationResult, calibrate
 from .kinematic import KinematicProjection
 from .parameters import Priors, parameter_names
 from .pinhole import PinholeProjection
