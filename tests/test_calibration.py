@@ -282,6 +282,32 @@ def test_further_distortion_stays_as_it_was(robot):
     vector[parameters.names.index("left k1")] = 0.03
     camera = parameters.unpack(vector, Calibration(robot.name)).cameras["left"]
     np.testing.assert_allclose(camera.distortion, (-0.07, 0.02, 0.0, 0.0, 0.003))
+    other = replace(rich, distortion=(-0.1, 0.02, 0.0, 0.0, 0.009))
+    begun = Calibration(robot.name, cameras={"left": other})
+    assert parameters.unpack(vector, begun).cameras["left"].distortion[4] == 0.009
+
+
+def test_each_group_has_its_own_prior(robot):
+    parameters = Parameters(robot)
+    groups = {
+        "offsets": ["neck offset", "squint offset"],
+        "arm_offsets": ["shoulder offset", "elbow offset"],
+        "links": ["neck x", "elbow z"],
+        "turn": ["left turn x", "right turn z"],
+        "shift": ["left shift x"],
+        "focal": ["left fx", "right fy"],
+        "centre": ["left cx", "left cy"],
+        "radial": ["left k1", "right k2"],
+        "tangential": ["left p1", "left p2"],
+        "hand": ["hand x", "hand z"],
+    }
+    assert set(groups) == set(Priors.__dataclass_fields__)
+    for group, names in groups.items():
+        sigma = dict(zip(parameters.names, parameters.sigmas(Priors(**{group: 0.77})), strict=True))
+        scale = CAMERA.fx if group == "centre" else 1.0
+        assert {name for name, value in sigma.items() if value == 0.77 * scale} >= set(names)
+        untouched = [name for other, many in groups.items() if other != group for name in many]
+        assert all(sigma[name] != 0.77 * scale for name in untouched)
 
 
 def test_the_palm_s_frame_may_sit_anywhere_on_the_hand(robot):

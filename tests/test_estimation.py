@@ -12,6 +12,7 @@ from motorprime.errors import ArgumentError, ArgumentTypeError
 from motorprime.learning.synthetic import draw_samples
 from motorprime.perturbed import build, draw_errors, perturb
 from motorprime.projection import Calibration, Priors, calibrate, parameter_names
+from motorprime.projection.estimation import _minimise, _Prior, _Problem, _State
 from motorprime.projection.observations import Observations
 from motorprime.projection.parameters import Parameters
 from motorprime.samples import Samples
@@ -129,19 +130,76 @@ def test_exact_points_say_nothing_of_the_arm(robot, real):
     assert spread["hand z"] == pytest.approx(Priors().hand)
 
 
+@pytest.mark.parametrize("distance", [5.0, 50.0])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_labels_that_are_50_px_off_do_not_spoil_it_and_are_named(robot, real, seed):
+def test_labels_that_are_far_off_do_not_spoil_it_and_are_named(robot, real, seed, distance):
     samples, rng = draw_samples(real, robot, 100, 20 + seed, 0.3), np.random.default_rng(seed)
     bad = rng.random(100) < 0.05
     bad[0] = True
     angle = rng.uniform(0, 2 * np.pi, 100)
-    astray = 50.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    astray = distance * np.column_stack([np.cos(angle), np.sin(angle)])
     pixels = {c: np.where(bad[:, None], uv + astray, uv) for c, uv in samples.pixels.items()}
     result = calibrate(robot, Samples(samples.names, samples.joints, pixels, samples.points))
     assert median(robot, result.calibration, draw_samples(real, robot, 300, 11)) < 0.35
     for camera, outliers in result.outliers.items():
         np.testing.assert_array_equal(outliers, bad & samples.seen(camera))
         assert result.rms[camera] < 1.0 and result.median[camera] < 0.6
+
+
+def test_labels_of_what_is_behind_the_camera_are_outliers(robot, real):
+    samples = draw_samples(real, robot, 100, 10, 0.3)
+    projection, points = KinematicProjection(real), samples.points.copy()
+    behind = np.flatnonzero(samples.seen("left"))[:4]
+    for k in behind:
+        eye = projection.posed(samples.joints[k])["left"]
+        points[k] = eye.origin - 0.3 * eye.pose[:3, 2]
+    only = {"left": samples.pixels["left"]}
+    result = calibrate(robot, Samples(samples.names, samples.joints, only, points))
+    assert set(behind) <= set(np.flatnonzero(result.outliers["left"]))
+    good = np.delete(np.arange(100), behind)
+    rest = Samples(samples.names, samples.joints[good], {"left": only["left"][good]}, points[good])
+    assert median(robot, result.calibration, rest) < 0.5
+
+
+def test_labels_believed_half_as_much_leave_twice_the_deviation(robot, real):
+    samples, prior = draw_samples(real, robot, 1000, 10, 0.01), Parameters(robot).sigmas(Priors())
+    fine, coarse = (
+        np.sqrt(np.diag(calibrate(robot, samples, noise=noise).calibration.covariance))
+        for noise in (0.1, 0.2)
+    )
+    well_known = fine < 0.05 * prior
+    assert well_known.sum() > 5
+    assert np.median(coarse[well_known] / fine[well_known]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_step_that_overshoots_is_taken_back():
+    """Newton's steps towards the root of an arc tangent run away from where it is nearly flat."""
+
+    class Flat:
+        def at(self, x):
+            residual = np.array([[1000.0 * np.arctan(x[0]), 0.0]])
+            return _State(x, Calibration("flat"), residual, np.array([[[1000.0 / (1.0 + x[0] ** 2)], [0.0]]]))
+
+    fit = _minimise(Flat(), np.array([3.0]), 1.0, 60)
+    assert fit.converged and abs(fit.state.x[0]) < 1e-3
+
+
+def test_the_gradient_is_the_slope_of_the_cost_and_the_hessian_near_its_curvature(robot, real):
+    """A factor missing in one of them would slow the steps down, and nothing else would show it."""
+    parameters = Parameters(robot)
+    samples = draw_samples(real, robot, 60, 10, 0.3)
+    prior = _Prior(np.zeros(parameters.size), np.diag(parameters.sigmas(Priors())))
+    problem = _Problem(parameters, Observations(parameters, samples), Calibration(robot.name), prior)
+    rng = np.random.default_rng(0)
+    x = prior.whitened(parameters.pack(calibrate(robot, samples).calibration))
+    state, direction = problem.at(x + 0.01 * rng.normal(size=x.size)), rng.normal(size=x.size)
+    gradient, hessian = state.system(3.0)
+    step = 1e-5
+    ahead, here, behind = (problem.at(state.x + d * direction).cost(3.0) for d in (step, 0.0, -step))
+    assert gradient @ direction == pytest.approx((ahead - behind) / (2 * step), rel=1e-4)
+    wide = 1e-3
+    ahead, behind = (problem.at(state.x + d * direction).cost(3.0) for d in (wide, -wide))
+    assert direction @ hessian @ direction == pytest.approx((ahead - 2 * here + behind) / wide**2, rel=0.1)
 
 
 def test_fifty_samples_and_then_fifty_come_close_to_a_hundred(robot, real):

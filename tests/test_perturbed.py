@@ -161,6 +161,12 @@ def test_roll_pitch_and_yaw_are_exact_where_two_axes_fall_together(pitch, roll):
     np.testing.assert_allclose(rotation_from_rpy(rpy_from_rotation(rotation)), rotation, atol=1e-12)
 
 
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2])
+def test_roll_pitch_and_yaw_bear_the_rounding_of_products_there(pitch):
+    rotation = turn((0, 0, 1), 0.7) @ turn((0, 1, 0), pitch) @ turn((1, 2, 3), 0.4) @ turn((1, 2, 3), -0.4)
+    np.testing.assert_allclose(rotation_from_rpy(rpy_from_rotation(rotation)), rotation, atol=1e-12)
+
+
 def test_roll_pitch_and_yaw_need_a_matrix():
     with pytest.raises(ArgumentError, match=r"rotation: expected shape \(3, 3\)"):
         rpy_from_rotation(np.eye(4))
