@@ -177,8 +177,9 @@ def test_a_step_that_overshoots_is_taken_back():
 
     class Flat:
         def at(self, x):
-            residual = np.array([[1000.0 * np.arctan(x[0]), 0.0]])
-            return _State(x, Calibration("flat"), residual, np.array([[[1000.0 / (1.0 + x[0] ** 2)], [0.0]]]))
+            residual, slope = 1000.0 * np.arctan(x[0]), 1000.0 / (1.0 + x[0] ** 2)
+            residuals, slopes = np.tile([residual, 0.0], (10000, 1)), np.tile([[slope], [0.0]], (10000, 1, 1))
+            return _State(x, Calibration("flat"), residuals, slopes)
 
     fit = _minimise(Flat(), np.array([3.0]), 1.0, 60)
     assert fit.converged and abs(fit.state.x[0]) < 1e-3
