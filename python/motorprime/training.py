@@ -228,9 +228,9 @@ def _write_report(
     sheet = Sheet(
         title="A learned projection from the workspace to the eyes",
         headline=(
-            "A network of two inputs, the ball's place and nine joint angles, puts it within ",
+            "From a point's place and nine joint angles the networks tell its pixel to ",
             f"{result['median_px']:.1f} px",
-            " of where it is seen, in the median over postures it was not trained on.",
+            ", in the median over places and postures that they were not trained on.",
         ),
         numbers=[
             (f"{result['median_px']:.2f} px", "median test error, both eyes"),
