@@ -11,11 +11,14 @@ from typing import Any
 import numpy as np
 
 from .._arrays import Floats
+from ..errors import ArgumentError
 from ..learning.babbling import Source, babble
 from ..learning.projections import HIDDEN, Lesson, learn_projection
 from ..learning.store import Store
 from ..projection import HybridProjection, KinematicProjection, NeuralProjection
 from ..projection.neural import inputs_of
+from ..report.maps import adapted_shot, errors_shot, learned_shot
+from ..report.sheet import Section, Sheet, write_sheet
 from ..robot import Robot
 from ..samples import Samples
 from ..tasks.babble import GazeBabble, close_rig
@@ -200,3 +203,67 @@ def _errors(lessons: Mapping[str, Lesson]) -> dict[str, Any]:
         "trained_on": [len(lesson.rows) for lesson in lessons.values()],
         "view_right": [lesson.sight_right for lesson in lessons.values()],
     }
+
+
+def report_maps(maps: Maps, path: Path) -> None:
+    """Write the report: what was learned, where it errs, and what 100 samples changed.
+
+    Raises:
+        ArgumentError: it cannot be written.
+        MissingExtraError: matplotlib is missing.
+    """
+    figures, samples, lessons = maps.figures, maps.samples, maps.lessons
+    neural, adapt = figures["neural"], figures["adapt"]
+    x = inputs_of(samples, samples.names)
+    held = {camera: lesson.rows[lesson.training.split.test] for camera, lesson in lessons.items()}
+    labels = {camera: samples.pixels[camera][rows] for camera, rows in held.items()}
+    told = {camera: maps.projection.learned[camera].place.forward(x[rows]) for camera, rows in held.items()}
+    shapes = maps.projection.shapes
+    errors = {camera: lesson.errors for camera, lesson in lessons.items()}
+    robots = {
+        name: {"before": maps.adapted.before[name], "after": maps.adapted.after[name]}
+        for name in maps.adapted.before
+    }
+    shots = (
+        learned_shot(labels, told, shapes),
+        errors_shot(labels, errors, shapes),
+        adapted_shot(robots, maps.adapted.curve, neural["median_px"]),
+    )
+    rows = [
+        (name, f"{adapt[name]['before_px']:.2f}", f"{adapt[name]['after_px']:.2f}",
+         f"{figures['adapt_arm_too'][name]['after_px']:.2f}")
+        for name in robots
+    ]  # fmt: skip
+    sheet = Sheet(
+        title="Visuomotor maps: babble, learn, adapt",
+        headline=(
+            "Learned from pictures and encoders alone to ",
+            f"{neural['median_px']:.1f} px",
+            "; on another robot ",
+            f"{adapt['neural']['before_px']:.0f} px",
+            " off, and after 100 of its samples ",
+            f"{adapt['neural']['after_px']:.1f} px",
+            f" as a network, {adapt['kinematic']['after_px']:.2f} px as calibrated kinematics.",
+        ),
+        numbers=[
+            (f"{neural['median_px']:.2f} px", "median test error of the networks"),
+            (f"{neural['p95_px']:.1f} px", "95 % of the test errors are below"),
+            (f"{neural['project_us']:.0f} µs", "to project 50 points to both eyes"),
+            (f"{neural['train_s']:.0f} s", f"for {neural['train_iterations']} iterations of training"),
+        ],
+        sections=[
+            *(Section(shot.title, shots=[shot]) for shot in shots),
+            Section(
+                "In numbers",
+                "Medians over the robots of the median errors in px. In the last column the arm is off as "
+                "well, so that where the hand is said to be is wrong by centimetres.",
+                header=("model", "before", "after 100 samples", "after, arm off too"),
+                rows=rows,
+            ),
+        ],
+        footer=f"motorprime evaluate maps --seed {figures['seed']}; {figures['samples']} samples babbled.",
+    )
+    try:
+        write_sheet(path, sheet)
+    except OSError as error:
+        raise ArgumentError(f"report: cannot write {path}: {error.strerror}") from None
