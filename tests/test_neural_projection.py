@@ -211,6 +211,21 @@ def test_it_survives_its_file_adapted_or_not(learned, tmp_path, unseen):
     np.testing.assert_array_equal(again.correction.vector, adapted.adapt(more).correction.vector)
 
 
+def test_resized_images_have_the_same_points_at_the_resized_pixels(learned, unseen):
+    camera, points, joints = Head()._cameras["left"], unseen.points[:30], unseen.joints[0]
+    larger = learned.resized(dict.fromkeys(SHAPES, (240, 320)))
+    assert larger.shapes == dict.fromkeys(SHAPES, (240, 320))
+    half = (learned.project(points, joints)["left"] + 0.5) * 2.0 - 0.5
+    np.testing.assert_allclose(larger.project(points, joints)["left"], half, atol=1e-3)
+    # as a camera's own image is resized
+    at = camera.project(points + [0, 0, 1.0])
+    np.testing.assert_allclose(camera.scale(2.0).project(points + [0, 0, 1.0]), (at + 0.5) * 2.0 - 0.5)
+    with pytest.raises(ArgumentError, match="no camera 'right'"):
+        learned.resized({"left": (240, 320)})
+    with pytest.raises(ArgumentError, match="resize first"):
+        learned.adapt(babble(Head(), 40, 1)).resized(SHAPES)
+
+
 def test_files_that_are_cut_off_damaged_or_of_another_robot_are_refused(learned, tmp_path):
     path = tmp_path / "weights.safetensors"
     learned.save(path)

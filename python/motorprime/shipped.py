@@ -1,4 +1,4 @@
-"""Weights that come with the package, for the simulated iCub; ``weights/README.md`` says how they were made."""
+"""Weights that come with the package, for the simulated iCub; weights/README.md says how they were made."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ def neural_projection(robot: Robot) -> NeuralProjection:
         ArgumentError: another robot.
         StateError: the file is missing from the installation.
     """
-    return _read(NEURAL, lambda path: NeuralProjection.load(path, robot=robot.name))
+    learned = _read(NEURAL, lambda path: NeuralProjection.load(path, robot=robot.name))
+    shapes = {name: mount.camera.shape for name, mount in robot.cameras.items()}
+    return learned if shapes == learned.shapes else learned.resized(shapes)
 
 
 def hybrid_projection(robot: Robot) -> HybridProjection:
@@ -33,7 +35,7 @@ def hybrid_projection(robot: Robot) -> HybridProjection:
 
 
 def _read(name: str, load: Callable[[Path], T]) -> T:
-    with as_file(files(__package__).joinpath("weights", name)) as path:
+    with as_file(files(__package__) / "weights" / name) as path:
         if not path.is_file():
             raise StateError(f"the package's file weights/{name} is missing; install motorprime again")
         return load(path)
