@@ -52,7 +52,8 @@ def errors_shot(
         figure = new_figure(3.9)
         axes = _eyes(figure, shapes)
         maps = {camera: _cells(labels[camera], errors[camera], shapes[camera]) for camera in axes}
-        top = max(float(np.nanpercentile(cells, 95)) for cells in maps.values())
+        filled = np.concatenate([cells[~np.isnan(cells)] for cells in maps.values()])
+        top = float(np.percentile(filled, 95)) if filled.size else 1.0
         for camera, panel in axes.items():
             height, width = shapes[camera]
             image = panel.imshow(
