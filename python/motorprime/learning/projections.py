@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from .._arrays import Floats, generator, image_shape
 from ..errors import ArgumentError
-from ..projection.neural import LearnedCamera, NeuralProjection, inputs_of
+from ..projection.base import inside
+from ..projection.neural import UNSEEN, LearnedCamera, NeuralProjection, inputs_of
 from ..samples import Samples
 from .levenberg_marquardt import PATIENCE, Training, train
 
@@ -114,7 +115,8 @@ def learn_projection(
         test = training.split.test
         errors = np.linalg.norm(training.network.forward(x_seen[test]) - pixels[test], axis=1)
         held = sight.split.test
-        judged = sight.network.forward(x[held])[:, 0] > 0.0
+        judged = sight.network.forward(x[held])[:, 0] > UNSEEN
+        judged &= inside(training.network.forward(x[held]), (height, width))
         learned[camera] = LearnedCamera(
             (height, width), training.network, sight.network, float(np.median(errors))
         )
