@@ -154,7 +154,8 @@ def moments(
         mean_u, mean_v = u.sum(axis=-1) / count, v.sum(axis=-1) / count
 
         def covariance(a: Floats, b: Floats, product: Floats) -> Floats:
-            return np.asarray(np.einsum("...n,...n", a, b) - count * product) / (count - 1.0)
+            products: Floats = (np.einsum("...n,...n", a, b) - count * product) / (count - 1.0)
+            return products
 
         # A millionth of a square pixel keeps the factor of a cloud on one pixel, or on a line, positive.
         l1 = np.sqrt(np.maximum(covariance(u, u, mean_u * mean_u), 0.0) + 1e-6)
