@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from .._arrays import Floats, generator, integer
 from ..errors import StateError
@@ -63,13 +64,13 @@ def evaluate_peripersonal(
     rng = generator(seed)
     cloud = ReachCloud(robot) if cloud is None else cloud
     drawn, fits = _draw(cloud, rng, postures, progress)
-    shares = np.column_stack([fits[camera].inside / len(cloud.points) for camera in model.cameras])
-    judged = np.flatnonzero((shares >= LEAST_SHARE).any(axis=1))[:postures]
+    counts = np.column_stack([_counts(fits[camera], cloud) for camera in model.cameras])
+    judged = np.flatnonzero(counts.any(axis=1))[:postures]
     overlaps: list[float] = []
     for k in progress.over(judged, "comparing ellipses"):
         learned = model.ellipses(drawn[k]) if any(model.visible(drawn[k]).values()) else {}
-        for camera, share in zip(model.cameras, shares[k], strict=True):
-            if share < LEAST_SHARE:
+        for camera, counted in zip(model.cameras, counts[k], strict=True):
+            if not counted:
                 continue
             direct, found = fits[camera], learned.get(camera)
             overlaps.append(
@@ -117,6 +118,11 @@ def _lower(chol: Floats) -> Floats:
     return np.array([[chol[0], 0.0], [chol[1], chol[2]]])
 
 
+def _counts(fit: PostureEllipses, cloud: ReachCloud) -> npt.NDArray[np.bool_]:
+    """(N,) whether the ellipse of each posture is one to be judged."""
+    return np.asarray(fit.in_view & (fit.inside >= LEAST_SHARE * len(cloud.points)))
+
+
 def _draw(
     cloud: ReachCloud, rng: np.random.Generator, wanted: int, progress: Progress
 ) -> tuple[Floats, dict[str, PostureEllipses]]:
@@ -133,8 +139,7 @@ def _draw(
     for _ in progress.over(rounds(), "fitting postures"):
         drawn.append(random_head_eye(cloud.robot, _ROUND, rng))
         parts.append(fit_postures(cloud, projection, drawn[-1]))
-        shares = np.array([fit.inside / len(cloud.points) for fit in parts[-1].values()])
-        found += int((shares >= LEAST_SHARE).any(axis=0).sum())
+        found += int(np.any([_counts(fit, cloud) for fit in parts[-1].values()], axis=0).sum())
     if found < wanted:
         raise StateError(
             f"postures: {wanted} are wanted, but of {len(parts) * _ROUND} uniform ones only {found} have "
