@@ -37,6 +37,11 @@ VIEW = linear([[0.0, 0, 0], [4.0, 0, 0]], [math.log(900.0), math.log(60.0)])
 """The left camera always sees 900 points of the cloud, the right 60, and more with the neck turned."""
 
 
+def deeper(outputs):
+    x = np.random.default_rng(0).normal(size=(9, 3))
+    return Network.random((3, 4, outputs), 0, x, np.zeros((9, outputs)))
+
+
 def model(**changes):
     parts = {
         "ellipses": {"left": LEFT, "right": RIGHT},
@@ -192,6 +197,7 @@ def test_large_finite_joints_are_no_error():
         ({"ellipses": {"left": LEFT, "right": VIEW}}, r"ellipses\['right'\]", ArgumentError),
         ({"view": LEFT}, "view", ArgumentError),
         ({"inputs": ("neck", "version")}, "from 2 joints", ArgumentError),
+        ({"view": deeper(2)}, "same inputs and depth", ArgumentError),
         ({"inputs": ("neck", "version", "tail")}, "inputs", ArgumentError),
         ({"inputs": ("neck", "version", "neck")}, "inputs", ArgumentError),
         ({"shapes": {"left": (0, 320), "right": (120, 160)}}, r"shapes\['left'\]", ArgumentError),

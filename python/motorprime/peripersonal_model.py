@@ -17,6 +17,7 @@ from ._arrays import Floats, finite, fixed, image_shape, integer
 from ._core import Mlp
 from .errors import ArgumentError, ArgumentTypeError, NotInViewError
 from .learning.network import Network
+from .learning.side_by_side import of_raw_inputs, side_by_side
 from .model_files import read_model, write_model
 from .peripersonal import MIN_INSIDE, ProjectedGaussian
 from .projection.neural import check_robot
@@ -39,7 +40,7 @@ class PeripersonalModel:
         robot: name of the robot.
 
     Raises:
-        ArgumentError: networks, shapes and joints that do not belong together.
+        ArgumentError: networks, shapes and joints that do not belong together, networks of different depths.
 
     The fused cycle takes :attr:`maps` and :meth:`inputs_of` of a posture::
 
@@ -78,8 +79,11 @@ class PeripersonalModel:
                     f"got sizes {network.sizes}"
                 )
         self._shapes = {camera: _size(f"shapes['{camera}']", shape) for camera, shape in shapes.items()}
-        self._maps = {camera: network.mlp() for camera, network in ellipses.items()}
-        self._sight = view.mlp()
+        unscaled = {camera: of_raw_inputs(network) for camera, network in ellipses.items()}
+        self._maps = {camera: network.mlp() for camera, network in unscaled.items()}
+        # All in one call: a number for each camera's view, then five for each camera's ellipse.
+        self._all = side_by_side([of_raw_inputs(view), *unscaled.values()]).mlp()
+        self._starts = tuple(range(len(ellipses), 6 * len(ellipses), 5))
         self._posture = (len(self.joints),)
         self._at = np.array([self.joints.index(name) for name in self.inputs], dtype=np.intp)
 
@@ -120,8 +124,8 @@ class PeripersonalModel:
         Raises:
             ArgumentError: as for :meth:`inputs_of`.
         """
-        logs = self._sight(self.inputs_of(joints)[None])[0].tolist()
-        return {camera: log >= _IN_VIEW for camera, log in zip(self._maps, logs, strict=True)}
+        values = self._all(self.inputs_of(joints)[None]).tolist()[0]
+        return {camera: log >= _IN_VIEW for camera, log in zip(self._maps, values, strict=False)}
 
     def ellipses(self, joints: npt.ArrayLike) -> dict[str, ProjectedGaussian]:
         """The Gaussian in each camera that has the reachable space in view, for one gaze posture [rad].
@@ -132,11 +136,11 @@ class PeripersonalModel:
             ArgumentError: as for :meth:`inputs_of`.
             NotInViewError: no camera has the reachable space in view.
         """
-        x = self.inputs_of(joints)[None]
+        values = self._all(self.inputs_of(joints)[None]).tolist()[0]
         fits = {}
-        for (camera, network), log in zip(self._maps.items(), self._sight(x)[0].tolist(), strict=True):
+        for camera, log, at in zip(self._maps, values, self._starts, strict=False):
             if log >= _IN_VIEW:
-                u, v, log1, l2, log3 = network(x)[0].tolist()
+                u, v, log1, l2, log3 = values[at : at + 5]
                 gaussian = np.array((u, v, _exp(log1), l2, _exp(log3)))
                 fits[camera] = ProjectedGaussian(gaussian[:2], gaussian[2:], round(_exp(log)))
         if not fits:
