@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from head_eye_rig import ball_of_points
-from motorprime import Attention, KinematicProjection, NotInViewError, fit_peripersonal
+from motorprime import Attention, KinematicProjection, NotInViewError, ReachCloud, fit_peripersonal
 from motorprime.errors import ArgumentError, ArgumentTypeError, StateError
+from motorprime.evaluate.peripersonal_figures import evaluate_peripersonal
 from motorprime.learning.peripersonal import learn_peripersonal, targets
 from motorprime.learning.posture_ellipses import PostureEllipses, fit_postures, random_head_eye
 from motorprime.robot import CameraMount
@@ -153,3 +154,15 @@ def test_a_camera_that_hardly_sees_the_space_is_named_with_the_count(robot):
 def test_a_robot_without_a_urdf_says_how_to_get_one():
     with pytest.raises(StateError, match="with_urdf"):
         learn_peripersonal(small_robot())
+
+
+@pytest.mark.sim
+def test_the_icub_s_gaussians_are_learned_to_a_few_hundredths(icub):
+    """A tenth of the usual training; the overlap of the ellipses is judged on unseen postures."""
+    cloud = ReachCloud(icub, size=1000)
+    settings = {"postures": 2000, "hidden": (12,), "iterations": 40}
+    model, report = learn_peripersonal(icub, cloud=cloud, seed=0, **settings)
+    assert report["view"]["agreement"] > 0.95
+    figures = evaluate_peripersonal(model, icub, seed=11, postures=100, cloud=cloud)
+    assert figures["iou_mean"] > 0.93 and figures["iou_p05"] > 0.85
+    assert figures["view_agreement"] > 0.95

@@ -11,6 +11,7 @@ from motorprime import Attention, PeripersonalModel, PinholeProjection, ReachClo
 from motorprime.errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
 from motorprime.learning.network import Network
 from motorprime.model_files import write_model
+from motorprime.projection.neural import LearnedCamera, NeuralProjection
 
 JOINTS = ("neck", "waist", "version", "squint")
 INPUTS = ("neck", "version", "squint")
@@ -254,6 +255,16 @@ def test_attention_with_a_model_needs_neither_cloud_nor_depths():
     fits = attention.gaussians(POSTURE)
     assert list(attention.peripersonal(POSTURE)) == list(fits) == ["left", "right"]
     np.testing.assert_array_equal(fits["left"].chol, model().ellipses(POSTURE)["left"].chol)
+
+
+def test_attention_through_a_learned_projection_takes_a_learned_model():
+    x = np.random.default_rng(0).normal(size=(50, 7))
+    place, sight = (Network.random((7, 5, n), 0, x, np.ones((50, n))) for n in (2, 1))
+    learned = {camera: LearnedCamera(shape, place, sight, 1.0) for camera, shape in SHAPES.items()}
+    projection = NeuralProjection(learned, JOINTS, robot="small", points=np.zeros((1, 3)))
+    looks = Attention(projection, peripersonal=model()).peripersonal(POSTURE)
+    expected = Attention(PROJECTION, peripersonal=model()).peripersonal(POSTURE)
+    np.testing.assert_array_equal(looks["left"].landscape, expected["left"].landscape)
 
 
 def test_the_model_goes_before_the_cloud():
