@@ -10,6 +10,7 @@ from motorprime.cylinder import Cylinder, convex_spans, locate_cylinder, outline
 from motorprime.detectors import Silhouette
 from motorprime.errors import ArgumentError, ArgumentTypeError
 from motorprime.kinematics import transform
+from motorprime.views import Views
 
 CAMERA = Camera(320, 240, 257.34, 257.34, 160.0, 120.0)
 GLASS = Cylinder(radius=0.0325, height=0.11)
@@ -68,6 +69,10 @@ def seen(views, centre, cylinder=GLASS, hide=lambda mask, name: None):
     return result
 
 
+def locate(views, silhouettes, cylinder):
+    return locate_cylinder(Views(PinholeProjection(views)), silhouettes, cylinder)
+
+
 def off(located, centre) -> float:
     return float(np.linalg.norm(located.centre - centre))
 
@@ -79,7 +84,7 @@ def whole():
     for centre in PLACES:
         views = eyes(centre)
         silhouettes = seen(views, centre)
-        located = locate_cylinder(views, silhouettes, GLASS)
+        located = locate(views, silhouettes, GLASS)
         assert min(located.overlap, located.explained, located.visible) > 0.985
         plain = PinholeProjection(views).triangulate({k: s.centroid[None] for k, s in silhouettes.items()})
         offsets.append((off(located, centre), np.linalg.norm(plain[0] - centre)))
@@ -130,7 +135,7 @@ def test_a_partly_hidden_cylinder_is_fitted_by_its_outline(hide, typical, worst,
     errors = []
     for centre in PLACES[:6]:
         views = eyes(centre)
-        located = locate_cylinder(views, seen(views, centre, hide=hide), GLASS)
+        located = locate(views, seen(views, centre, hide=hide), GLASS)
         errors.append(off(located, centre))
         assert located.explained > 0.97 and visible[0] < located.visible < visible[1]
         assert located.overlap <= min(located.explained, located.visible) + 1e-9
@@ -146,7 +151,7 @@ def test_what_the_image_s_border_cuts_off_is_not_missed(shift):
     assert any(
         s.box[0] == 0 or s.box[1] == 0 or s.box[2] == 320 or s.box[3] == 240 for s in silhouettes.values()
     )
-    located = locate_cylinder(views, silhouettes, GLASS)
+    located = locate(views, silhouettes, GLASS)
     assert off(located, centre) < 0.003 and located.overlap > 0.97 and located.visible > 0.97
 
 
@@ -154,8 +159,8 @@ def test_a_small_one_is_located_too_and_the_size_matters():
     centre, small = np.array([-0.36, 0.05, 0.0]), Cylinder(0.014, 0.056)
     views = eyes(centre)
     silhouettes = seen(views, centre, small)
-    assert off(locate_cylinder(views, silhouettes, small), centre) < 0.002
-    taken_for_large = locate_cylinder(views, silhouettes, GLASS)
+    assert off(locate(views, silhouettes, small), centre) < 0.002
+    taken_for_large = locate(views, silhouettes, GLASS)
     assert taken_for_large.overlap < 0.6
 
 
@@ -167,7 +172,7 @@ def test_silhouettes_of_different_objects_are_not_explained():
             "left": silhouette(cast(views["left"], centre + left)),
             "right": silhouette(cast(views["right"], centre + right)),
         }
-        located = locate_cylinder(views, silhouettes, GLASS)
+        located = locate(views, silhouettes, GLASS)
         assert located is None or located.overlap < 0.5
 
 
@@ -178,16 +183,16 @@ def test_rays_that_meet_behind_the_cameras_locate_nothing():
         "left": silhouette(cast(views["left"], np.add(centre, (0, -0.08, 0)))),
         "right": silhouette(cast(views["right"], np.add(centre, (0, 0.08, 0)))),
     }
-    assert locate_cylinder(views, silhouettes, GLASS) is None
+    assert locate(views, silhouettes, GLASS) is None
 
 
 def test_three_cameras_serve_and_one_without_a_silhouette_does_not_count():
     centre = PLACES[0]
     views = {**eyes(centre), "side": looking((-0.3, -0.4, 0.3), centre)}
     silhouettes = seen(views, centre)
-    assert off(locate_cylinder(views, silhouettes, GLASS), centre) < 0.001
+    assert off(locate(views, silhouettes, GLASS), centre) < 0.001
     del silhouettes["left"]
-    assert off(locate_cylinder(views, silhouettes, GLASS), centre) < 0.001
+    assert off(locate(views, silhouettes, GLASS), centre) < 0.001
 
 
 def test_fewer_than_two_silhouettes_is_an_error():
@@ -199,7 +204,7 @@ def test_fewer_than_two_silhouettes_is_an_error():
         {"left": silhouettes["left"], "tail": silhouettes["right"]},
     ):
         with pytest.raises(ArgumentError, match="silhouettes: at least two"):
-            locate_cylinder(views, few, GLASS)
+            locate(views, few, GLASS)
 
 
 @pytest.mark.parametrize("corner", [(318, 100), (-2, 100), (100, 236), (100, -1)])
@@ -212,7 +217,7 @@ def test_a_silhouette_that_is_empty_or_sticks_out_of_its_image_is_named(corner):
         Silhouette(np.zeros((5, 5), bool), (100, 100), centroid, 0.5),
     ):
         with pytest.raises(ArgumentError, match=r"silhouettes\['right'\]"):
-            locate_cylinder(views, {**silhouettes, "right": wrong}, GLASS)
+            locate(views, {**silhouettes, "right": wrong}, GLASS)
 
 
 @pytest.mark.parametrize(
@@ -283,4 +288,4 @@ def test_silhouettes_that_a_lens_reaches_from_nowhere_give_no_position():
         name: PosedCamera(camera, transform(np.eye(3), (x, 0.0, 0.0)))
         for name, x in {"left": 0.0, "right": 0.068}.items()
     }
-    assert locate_cylinder(views, dict.fromkeys(views, corner), GLASS) is None
+    assert locate(views, dict.fromkeys(views, corner), GLASS) is None
