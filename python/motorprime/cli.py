@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +24,15 @@ app = typer.Typer(
 )
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
 app.add_typer(evaluate, name="evaluate")
+
+
+class ProjectionName(str, Enum):
+    """Ways to know where points appear in the eyes."""
+
+    KINEMATIC = "kinematic"
+    NEURAL = "neural"
+    HYBRID = "hybrid"
+
 
 LARGEST = 4096  # side of the eyes' images [px]
 
@@ -79,6 +89,12 @@ def reach(
         str | None,
         typer.Option(help="Where it stands, X,Y in metres in the root frame (x points backwards, y right)."),
     ] = None,
+    projection: Annotated[
+        ProjectionName,
+        typer.Option(
+            help="How the robot knows where points appear in its eyes: by its model, or as learned."
+        ),
+    ] = ProjectionName.KINEMATIC,
     video: Annotated[bool, typer.Option(help="Write a video of the run.")] = True,
     gui: Annotated[bool, typer.Option("--gui", help="Watch in pybullet's window.")] = False,
     as_json: Annotated[
@@ -111,6 +127,7 @@ def reach(
         glass_at=place,
         video=video,
         gui=gui,
+        projection=projection.value,
     )
     result = run_reach(options, err if as_json else out)
     if as_json:

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import Floats, positive
+from ._arrays import Floats, fixed, not_negative, positive
 from .camera import PosedCamera
 from .detectors.histogram import Silhouette
 from .errors import ArgumentError
@@ -80,7 +80,12 @@ def outline(view: PosedCamera, centre: Floats, cylinder: Cylinder) -> Polygon | 
 
 
 def locate_cylinder(
-    views: Views, silhouettes: Mapping[str, Silhouette], cylinder: Cylinder
+    views: Views,
+    silhouettes: Mapping[str, Silhouette],
+    cylinder: Cylinder,
+    *,
+    level: float | None = None,
+    slack: float = 0.0,
 ) -> Located | None:
     """Locate a cylinder that stands upright in the root frame.
 
@@ -88,13 +93,20 @@ def locate_cylinder(
         views: the cameras at the posture in which the images were taken.
         silhouettes: what was segmented in each; cameras without one do not count.
         cylinder: its size.
+        level: z [m] of its centre where that is known, as on a table; then only x and y are sought. A pixel
+            of disparity, which is a centimetre of depth at arm's length, then costs a few millimetres.
+        slack: how far [px] the projection may be off; what differs by less counts as equal.
 
     Returns:
         The position, or None where the silhouettes agree on none in view of the cameras.
 
     Raises:
-        ArgumentError: fewer than two silhouettes, or one that is empty or sticks out of its image.
+        ArgumentError: fewer than two silhouettes, or one that is empty or sticks out of its image; a level
+            or slack that is no number.
     """
+    if level is not None:
+        level = float(fixed("level", level, ()))
+    slack = not_negative("slack", slack)
     names = [name for name in views.cameras if name in silhouettes]
     if len(names) < 2:
         raise ArgumentError(f"silhouettes: at least two cameras expected, got {names}")
@@ -107,9 +119,12 @@ def locate_cylinder(
                 f"got {silhouettes[name].area} in the box {(u0, v0, u1, v1)}"
             )
     start = views.triangulate({name: silhouettes[name].centroid[None] for name in names})[0]
+    if level is not None:
+        start[2] = level
     if not _in_view(views, start, names):
         return None
-    fit = _Fit(views, {name: _Seen(shapes[name], silhouettes[name]) for name in names}, cylinder)
+    seen = {name: _Seen(shapes[name], silhouettes[name], slack) for name in names}
+    fit = _Fit(views, seen, cylinder, free=3 if level is None else 2)
     centre = fit.from_centroids(start)
     if centre is not None:
         located = fit.judge(centre)
@@ -150,6 +165,13 @@ def _hull(pixels: Floats) -> Polygon | None:
     return cv2.convexHull(pixels.astype(np.float32))[:, 0]  # type: ignore[return-value]
 
 
+def _grow(polygon: Polygon, pixels: float) -> Polygon:
+    """A convex outline with its corners moved away from its middle, or towards it, at most to there."""
+    away = polygon - polygon.mean(axis=0)
+    length = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-6)
+    return np.asarray(polygon + away / length * np.maximum(pixels, -length), np.float32)
+
+
 def _in_view(views: Views, centre: Floats, names: Sequence[str]) -> bool:
     if not np.isfinite(centre).all():
         return False
@@ -160,8 +182,8 @@ def _in_view(views: Views, centre: Floats, names: Sequence[str]) -> bool:
 class _Seen:
     """One camera's silhouette, to hold predicted outlines against, within a region of the image."""
 
-    def __init__(self, shape: tuple[int, int], silhouette: Silhouette) -> None:
-        self.silhouette = silhouette
+    def __init__(self, shape: tuple[int, int], silhouette: Silhouette, slack: float) -> None:
+        self.silhouette, self.slack = silhouette, slack
         self._image = height, width = shape
         u0, v0, u1, v1 = silhouette.box
         # A hidden part is at most as large as the seen one or so; and nothing is seen outside the image.
@@ -173,10 +195,12 @@ class _Seen:
         self._rows = np.arange(len(self.mask))
         self._left_of = np.pad(np.cumsum(self.mask, axis=1, dtype=np.int64), ((0, 0), (1, 0)))
 
-    def compare(self, polygon: Polygon | None) -> tuple[int, int] | None:
-        """Pixels of a predicted outline, and how many of them are seen."""
+    def compare(self, polygon: Polygon | None, grown: float = 0.0) -> tuple[int, int] | None:
+        """Pixels of a predicted outline, grown by so many, and how many of them are seen."""
         if polygon is None or np.abs(polygon).max() > 1e4:
             return None
+        if grown:
+            polygon = _grow(polygon, grown)
         first, stop = convex_spans(polygon - (self.u0, self.v0), self.mask.shape)
         common = self._left_of[self._rows, stop] - self._left_of[self._rows, first]
         return int((stop - first).sum()), int(common.sum())
@@ -195,6 +219,17 @@ class _Seen:
         moments = cv2.moments(inside)
         return np.array([moments["m10"], moments["m01"]]) / moments["m00"]
 
+    def agreement(self, polygon: Polygon | None) -> tuple[float, float]:
+        """Fraction of the seen that a predicted outline explains, and of the outline that is seen.
+
+        Slack grants a larger outline to explain, and a smaller one to be seen.
+        """
+        larger = self.compare(polygon, self.slack)
+        smaller = self.compare(polygon, -self.slack) if self.slack else larger
+        if larger is None or smaller is None:
+            return 0.0, 0.0
+        return larger[1] / self.area, smaller[1] / max(smaller[0], 1)
+
     def cost(self, polygon: Polygon | None) -> float:
         """How badly a predicted outline explains the silhouette; 0 if it matches."""
         compared = self.compare(polygon)
@@ -207,8 +242,9 @@ class _Seen:
 class _Fit:
     """A cylinder to be placed so that its outlines match what the cameras have seen."""
 
-    def __init__(self, views: Views, seen: Mapping[str, _Seen], cylinder: Cylinder) -> None:
+    def __init__(self, views: Views, seen: Mapping[str, _Seen], cylinder: Cylinder, free: int) -> None:
         self.views, self.seen, self.rims = views, seen, cylinder.rims
+        self.free = free  # coordinates that are sought: the first two, or all three
 
     def outlines(self, centres: Floats) -> list[dict[str, Polygon | None]]:
         """The outlines of cylinders at centres (N, 3), all projected in one go."""
@@ -230,7 +266,9 @@ class _Fit:
                 if predicted is None:
                     return None
                 missing.append(s.silhouette.centroid - predicted)
-            step = np.linalg.lstsq(self._slope(centre), np.concatenate(missing), rcond=None)[0]
+            step = np.zeros(3)
+            slope = self._slope(centre)[:, : self.free]
+            step[: self.free] = np.linalg.lstsq(slope, np.concatenate(missing), rcond=None)[0]
             centre = centre + step
             if np.abs(step).max() < STILL:
                 break
@@ -243,6 +281,8 @@ class _Fit:
         level = np.cross(sight, [0.0, 0.0, 1.0])
         level /= max(float(np.linalg.norm(level)), 1e-9)
         axes = np.array([sight, level, np.cross(level, sight)])
+        if self.free == 2:
+            axes = np.array([np.cross([0.0, 0.0, 1.0], level), level])
         compass = np.vstack([axes, -axes])
         best, cost, step = start, self._costs(start[None])[0], FIRST_STEP
         while step > LAST_STEP:
@@ -257,17 +297,12 @@ class _Fit:
 
     def judge(self, centre: Floats) -> Located:
         """How well a cylinder there explains the silhouettes."""
-        overlap, explained, visible = 1.0, 1.0, 1.0
         (polygons,) = self.outlines(centre[None])
-        for name, s in self.seen.items():
-            compared = s.compare(polygons[name])
-            if compared is None:
-                return Located(centre, 0.0, 0.0, 0.0)
-            predicted, common = compared
-            overlap = min(overlap, common / max(predicted + s.area - common, 1))
-            explained = min(explained, common / s.area)
-            visible = min(visible, common / max(predicted, 1))
-        return Located(centre, overlap, explained, visible)
+        pairs = [s.agreement(polygons[name]) for name, s in self.seen.items()]
+        # Of A and B, |A and B| / |A or B| = 1 / (|A| / |A and B| + |B| / |A and B| - 1).
+        overlaps = [1.0 / (1.0 / a + 1.0 / b - 1.0) if a and b else 0.0 for a, b in pairs]
+        explained, visible = (min(values) for values in zip(*pairs, strict=True))
+        return Located(centre, min(overlaps), explained, visible)
 
     def _slope(self, centre: Floats) -> Floats:
         """Derivatives (2 C, 3) [px / m] of the centre's pixels."""

@@ -60,12 +60,16 @@ class Finder:
     Hits are remembered per eye while the posture stays, see :meth:`forget`.
 
     Attributes:
+        level: z [m] at which the middle of the target is known to be; None where it is not.
+        slack: how far [px] the projection may be off.
         memory: regions hit so far in each camera, the largest first.
         reported: the silhouettes behind the last report.
     """
 
     target: Target
     stages: Stages = field(default_factory=Stages)
+    level: float | None = None
+    slack: float = 0.0
     memory: dict[str, tuple[Silhouette, ...]] = field(default_factory=dict)
     reported: Mapping[str, Silhouette] = field(default_factory=dict)
 
@@ -138,7 +142,9 @@ class Finder:
         for silhouettes in (
             (together,) if all(together[c] is alone[c] for c in cameras) else (together, alone)
         ):
-            located = locate_cylinder(views, silhouettes, self.target.shape)
+            located = locate_cylinder(
+                views, silhouettes, self.target.shape, level=self.level, slack=self.slack
+            )
             if located and located.explained >= MIN_EXPLAINED and located.visible >= MIN_VISIBLE:
                 self.reported = silhouettes
                 return located

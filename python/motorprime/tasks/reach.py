@@ -83,7 +83,8 @@ class Reach:
         self.generator = generator(seed)
         self.clock = clock
         self.stages = Stages(clock)
-        self.finder = Finder(target, self.stages)
+        level = bench.height + target.shape.height / 2 if self.settings.slack else None
+        self.finder = Finder(target, self.stages, level, self.settings.slack)
         self.outcome, self.reason = "running", ""
         self.pregrasp: Pregrasp | None = None
         self.estimate: Floats | None = None
@@ -216,7 +217,7 @@ class Reach:
         self._trust = max(self._trust, located.overlap)
 
     def _full_frame(self, images: Mapping[str, NDArray[np.uint8]], views: Views) -> FullFrame:
-        beside = Finder(self.target, Stages(self.clock))
+        beside = replace(self.finder, stages=Stages(self.clock), memory={}, reported={})
         start = self.clock()
         for image in images.values():
             self.target.detector.largest_region(image)
