@@ -166,10 +166,10 @@ def _hull(pixels: Floats) -> Polygon | None:
 
 
 def _grow(polygon: Polygon, pixels: float) -> Polygon:
-    """A convex outline with its corners moved away from its middle, or towards it, at most to there."""
-    away = polygon - polygon.mean(axis=0)
-    length = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-6)
-    return np.asarray(polygon + away / length * np.maximum(pixels, -length), np.float32)
+    """A convex outline stretched such that its box grows by so many pixels on each side, or shrinks."""
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-6)
+    return np.asarray(middle + (polygon - middle) * np.maximum(1.0 + pixels / half, 0.0), np.float32)
 
 
 def _in_view(views: Views, centre: Floats, names: Sequence[str]) -> bool:
