@@ -175,12 +175,15 @@ def test_an_error_is_one_line_and_exit_code_2(run, tmp_path, arguments, named):
 
 
 @SIM
-@pytest.mark.parametrize("kind", ["neural", "hybrid"])
-def test_a_projection_that_this_installation_lacks_is_one_line(run, tmp_path, monkeypatch, kind):
-    monkeypatch.setitem(sys.modules, "motorprime.shipped", None)
-    monkeypatch.delattr(motorprime, "shipped", raising=False)
-    code, _, err = run("reach", "--projection", kind)
-    assert (code, err) == (2, f"motorprime: projection: this installation brings no {kind} one along\n")
+def test_missing_weights_are_one_line(run, tmp_path, monkeypatch):
+    from motorprime import shipped
+
+    monkeypatch.setattr(shipped, "NEURAL", "absent.safetensors")
+    code, _, err = run("reach", "--projection", "neural")
+    assert code == 2
+    assert err == (
+        "motorprime: the package's file weights/absent.safetensors is missing; install motorprime again\n"
+    )
     assert not list(tmp_path.glob("runs/*"))
 
 

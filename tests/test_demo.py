@@ -1,13 +1,9 @@
 """Which projection the demo sees by, and how far it trusts it."""
 
-import sys
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-import motorprime
-from motorprime import KinematicProjection
+from motorprime import KinematicProjection, shipped
 from motorprime.demo import projection_of, slack_of
 from motorprime.errors import ArgumentError, StateError
 from motorprime.learning.network import Network
@@ -17,13 +13,13 @@ from poseless import Poseless
 pytestmark = pytest.mark.sim
 
 
-def networks(joints, shape=(240, 320), **errors):
+def networks(joints, **errors):
     """A projection of untrained networks with these median errors [px]."""
     rng = np.random.default_rng(0)
     x, seen = rng.normal(size=(20, 3 + len(joints))), np.ones((20, 1))
     learned = {
         camera: LearnedCamera(
-            shape,
+            (240, 320),
             Network.random((x.shape[1], 3, 2), 0, x, rng.normal(size=(20, 2))),
             Network.random((x.shape[1], 3, 1), 0, x, seen),
             error,
@@ -33,18 +29,6 @@ def networks(joints, shape=(240, 320), **errors):
     return NeuralProjection(learned, joints, robot="iCub", points=np.zeros((1, 3)))
 
 
-@pytest.fixture
-def ship(monkeypatch):
-    """Put functions in the place of what is shipped."""
-
-    def put(**functions):
-        module = SimpleNamespace(**functions)
-        monkeypatch.setitem(sys.modules, "motorprime.shipped", module)
-        monkeypatch.setattr(motorprime, "shipped", module, raising=False)
-
-    return put
-
-
 def test_the_robot_s_kinematics_are_trusted(icub):
     projection = projection_of(icub, "kinematic")
     assert isinstance(projection, KinematicProjection) and projection.robot is icub
@@ -52,12 +36,16 @@ def test_the_robot_s_kinematics_are_trusted(icub):
 
 
 @pytest.mark.parametrize("kind", ["neural", "hybrid"])
-def test_what_is_shipped_is_taken_for_this_robot(icub, ship, kind):
+def test_what_is_shipped_is_taken_for_this_robot(icub, monkeypatch, kind):
     asked = []
     known = Poseless(KinematicProjection(icub))
-    ship(**{f"{kind}_projection": lambda robot: asked.append(robot) or known})
+    monkeypatch.setattr(shipped, f"{kind}_projection", lambda robot: asked.append(robot) or known)
     assert projection_of(icub, kind) is known
     assert asked == [icub]
+
+
+def test_a_hybrid_that_has_learned_nothing_is_trusted_as_its_kinematics(icub):
+    assert slack_of(projection_of(icub, "hybrid")) == 0.0
 
 
 def test_networks_are_trusted_as_far_as_they_know_themselves(icub):
@@ -66,23 +54,12 @@ def test_networks_are_trusted_as_far_as_they_know_themselves(icub):
     assert slack_of(Poseless(KinematicProjection(icub))) == 0.0
 
 
-def test_images_of_another_size_than_learned_are_refused(icub, ship):
-    learned = networks(icub.gaze, left=3.0, right=3.0)
-    ship(neural_projection=lambda robot: learned)
-    assert projection_of(icub, "neural") is learned
-    message = "size: the neural projection knows images of 320x240 from camera 'left' only, got 640x480"
-    with pytest.raises(ArgumentError, match=message):
-        projection_of(icub.with_image_size(640, 480), "neural")
-
-
 def test_another_kind_is_refused(icub):
     with pytest.raises(ArgumentError, match="projection: 'kinematic', 'neural' or 'hybrid' expected"):
         projection_of(icub, "psychic")
 
 
-@pytest.mark.parametrize("kind", ["neural", "hybrid"])
-def test_missing_weights_are_a_clear_error(icub, monkeypatch, kind):
-    monkeypatch.setitem(sys.modules, "motorprime.shipped", None)
-    monkeypatch.delattr(motorprime, "shipped", raising=False)
-    with pytest.raises(StateError, match=f"projection: this installation brings no {kind} one along"):
-        projection_of(icub, kind)
+def test_missing_weights_are_a_clear_error(icub, monkeypatch):
+    monkeypatch.setattr(shipped, "NEURAL", "absent.safetensors")
+    with pytest.raises(StateError, match=r"weights/absent\.safetensors is missing"):
+        projection_of(icub, "neural")

@@ -14,9 +14,9 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from .errors import ArgumentError, StateError
-from .projection import KinematicProjection, Projection
-from .projection.neural import NeuralProjection
+from . import shipped
+from .errors import ArgumentError
+from .projection import KinematicProjection, NeuralProjection, Projection
 from .recording import Recording, fresh_folder
 from .robot import Robot
 from .sim.bystander import Bystander
@@ -99,27 +99,14 @@ def projection_of(robot: Robot, kind: str) -> Projection:
     """The projection by which the robot is to see: 'kinematic', or 'neural' or 'hybrid' as shipped.
 
     Raises:
-        ArgumentError: another kind, or one that was learned for images of another size.
-        StateError: this installation has no such weights.
+        ArgumentError: another kind.
+        StateError: this installation lacks the weights.
     """
     if kind == "kinematic":
         return KinematicProjection(robot)
     if kind not in ("neural", "hybrid"):
         raise ArgumentError(f"projection: 'kinematic', 'neural' or 'hybrid' expected, got {kind!r}")
-    try:
-        from . import shipped  # type: ignore[attr-defined, unused-ignore]
-    except ImportError:
-        raise StateError(f"projection: this installation brings no {kind} one along") from None
-    load = shipped.neural_projection if kind == "neural" else shipped.hybrid_projection
-    projection: Projection = load(robot)
-    for camera, (height, width) in projection.shapes.items():
-        seen = robot.cameras[camera].camera.shape
-        if seen != (height, width):
-            raise ArgumentError(
-                f"size: the {kind} projection knows images of {width}x{height} from camera '{camera}' only, "
-                f"got {seen[1]}x{seen[0]}"
-            )
-    return projection
+    return shipped.neural_projection(robot) if kind == "neural" else shipped.hybrid_projection(robot)
 
 
 def slack_of(projection: Projection) -> float:
