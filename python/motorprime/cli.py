@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +26,15 @@ evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machi
 app.add_typer(evaluate, name="evaluate")
 train = typer.Typer(help="Train what the robot learns from babbling.", no_args_is_help=True)
 app.add_typer(train, name="train")
+
+
+class ProjectionName(str, Enum):
+    """Ways to know where points appear in the eyes."""
+
+    KINEMATIC = "kinematic"
+    NEURAL = "neural"
+    HYBRID = "hybrid"
+
 
 LARGEST = 4096  # side of the eyes' images [px]
 
@@ -84,6 +94,12 @@ def reach(
         str | None,
         typer.Option(help="Where it stands, X,Y in metres in the root frame (x points backwards, y right)."),
     ] = None,
+    projection: Annotated[
+        ProjectionName,
+        typer.Option(
+            help="How the robot knows where points appear in its eyes: by its model, or as learned."
+        ),
+    ] = ProjectionName.KINEMATIC,
     video: Annotated[bool, typer.Option(help="Write a video of the run.")] = True,
     gui: Annotated[bool, typer.Option("--gui", help="Watch in pybullet's window.")] = False,
     as_json: AsJson = False,
@@ -114,6 +130,7 @@ def reach(
         glass_at=place,
         video=video,
         gui=gui,
+        projection=projection.value,
     )
     result = run_reach(options, err if as_json else out)
     if as_json:
