@@ -1,4 +1,4 @@
-"""Find the tip of a bright thumb that points to the left, in the images of a camera that stands still.
+"""Find the tip of a bright thumb, left of the rest of the arm, in the images of a camera that stands still.
 
 Which point is called the tip matters more than how sharp it is: it must be the same point of the thumb from
 wherever the camera sees it. The tip is round, so the circle through its outline has a centre that is such a
@@ -38,7 +38,7 @@ def thumb_tips(images: Frames) -> Floats:
     for k in range(len(images)):
         thumb = segment(images[k], behind)
         if thumb is not None:
-            tips[k] = tip(thumb)
+            tips[k] = tip(*thumb)
     return tips
 
 
@@ -52,20 +52,30 @@ def background(images: Frames) -> Floats:
     return np.asarray(np.percentile(grey, _SHARE, axis=0), dtype=np.float64)
 
 
-def segment(image: NDArray[np.uint8], behind: Floats) -> NDArray[np.bool_] | None:
-    """Mask (H, W) of the leftmost bright part that is not background, or None."""
+def segment(image: NDArray[np.uint8], behind: Floats) -> tuple[NDArray[np.bool_], Floats] | None:
+    """The thumb in an image (H, W, 3), or None.
+
+    Returns:
+        The mask (H, W) of the leftmost bright part that is not background, and the direction (2,) from the
+        rest of the arm to it, in which it points.
+    """
     grey = image.min(axis=2)
-    bright = (grey > BRIGHT) & (grey > behind + _OVER)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(bright.astype(np.uint8), connectivity=8)
+    arm = grey > behind + _OVER
+    count, labels, stats, centroids = cv2.connectedComponentsWithStats(
+        (arm & (grey > BRIGHT)).astype(np.uint8), connectivity=8
+    )
     large = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] >= AREA]
     if not large:
         return None
     leftmost = min(large, key=lambda k: int(stats[k, cv2.CC_STAT_LEFT]))
-    return np.asarray(labels == leftmost)
+    mask = np.asarray(labels == leftmost)
+    v, u = np.nonzero(arm & ~mask)
+    rest = np.array([u.mean(), v.mean()]) if len(u) else centroids[leftmost] + (1.0, 0.0)
+    return mask, np.asarray(centroids[leftmost] - rest)
 
 
-def tip(mask: NDArray[np.bool_]) -> Floats:
-    """Centre (2,) [px] of the circle through the round left end of a mask.
+def tip(mask: NDArray[np.bool_], pointing: Floats) -> Floats:
+    """Centre (2,) [px] of the circle through a mask's round end, the one of its two in a direction (2,).
 
     The end is what lies within r of the outermost point along the mask's axis, r being the largest distance
     of a pixel to the outline. The circle (u - a)^2 + (v - b)^2 = R^2 is linear in a, b and R^2 - a^2 - b^2.
@@ -77,7 +87,7 @@ def tip(mask: NDArray[np.bool_]) -> Floats:
     inner = np.column_stack([u, v]).astype(np.float64)
     middle = inner.mean(axis=0)
     axis = np.linalg.svd(inner - middle, full_matrices=False)[2][0]
-    axis *= -np.sign(axis[0]) or 1.0
+    axis *= 1.0 if axis @ pointing >= 0.0 else -1.0
     v, u = np.nonzero(mask)
     end = np.sort((np.column_stack([u, v]) - middle) @ axis)[-5:].mean()
     outlines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
