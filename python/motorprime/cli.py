@@ -408,6 +408,49 @@ def _maps(
         err.print(f"wrote {json_file}", markup=False, highlight=False, soft_wrap=True)
 
 
+@evaluate.command("recording", short_help="A recorded iCub: its thumb predicted from its joints.")
+def _recording(
+    path: Annotated[Path, typer.Argument(help="Folder that yarpdatadumper wrote, with head, arm and eyes.")],
+    seed: Seed = 0,
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="Draw tips and errors to this .png or .svg (extra viz).", dir_okay=False),
+    ] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Thumb of a recorded iCub in both eyes, predicted from its joints before and after adapting, in pixels.
+
+    Trained on the first 70 % of the time and tested on the rest; "wide" is the other way round, tested on
+    the first 30 %. "before" has the encoders and the model as they are and fits only where the tip is on the
+    hand, "after" is calibrated, "hand_map" is a network on the joints that knows no robot.
+
+    PATH holds the streams head, rightArm, images/left and images/right, each with its data.log.
+    """
+    from .evaluate.common import Progress, check_writable, table, write_json
+    from .evaluate.recording import evaluate_recording
+    from .sim.icub import load_icub
+
+    if picture is not None:
+        from .report import check_plots
+
+        if picture.suffix not in (".png", ".svg"):
+            raise typer.BadParameter(f"'{picture}' is no .png or .svg", param_hint="--picture")
+        check_plots()
+    for file, option in ((json_file, "json"), (picture, "picture")):
+        if file is not None:
+            check_writable(file, option)
+    measured = evaluate_recording(load_icub(), path, seed=seed, progress=Progress(err))
+    out.print(table("evaluate recording", measured.figures))
+    if picture is not None:
+        from .evaluate.recording_picture import draw_recording
+
+        draw_recording(measured, picture)
+        err.print(f"wrote {picture}", markup=False, highlight=False, soft_wrap=True)
+    if json_file is not None:
+        write_json(json_file, measured.figures)
+        err.print(f"wrote {json_file}", markup=False, highlight=False, soft_wrap=True)
+
+
 def _measure(
     name: str, evaluation: Callable[..., dict[str, Any]], json_file: Path | None, **options: Any
 ) -> None:
