@@ -21,7 +21,8 @@ from ..report.maps import adapted_shot, errors_shot, learned_shot
 from ..report.sheet import Section, Sheet, write_sheet
 from ..robot import Robot
 from ..samples import Samples
-from ..tasks.babble import GazeBabble, close_rig
+from ..tasks.babble import GazeBabble
+from ..tasks.studio import close_studio
 from .adaptation import CURVE, SAMPLES, Adaptable, Adapted, adapt_to_robots
 from .common import Progress
 from .maps_speed import POINTS, peer_training, project_speed
@@ -142,7 +143,7 @@ def babbled(
         for camera in robot.cameras:
             du, dv = (found[f"{camera}_{axis}"] - found[f"{camera}_predicted_{axis}"] for axis in "uv")
             offsets.append(np.hypot(du, dv))
-    close_rig()
+    close_studio()
     off = np.concatenate(offsets)
     off = off[~np.isnan(off)]
     return parts[0].joined(parts[1]), (float(np.median(off)), float(np.percentile(off, 95)))
