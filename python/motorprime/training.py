@@ -213,7 +213,7 @@ def watching(console: Console, iterations: int) -> Iterator[Watch]:
 
         def watch(what: str, iteration: int, errors: Floats) -> None:
             if what not in tasks:
-                total = SIGHT_ITERATIONS if what.startswith("view") else iterations
+                total = SIGHT_ITERATIONS if what.startswith("view, ") else iterations
                 tasks[what] = bars.add_task(f"training {what}", total=total, error="")
             bars.update(tasks[what], completed=iteration, error=f"validation {errors[1]:.5f}")
 
