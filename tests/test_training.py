@@ -86,7 +86,7 @@ def test_training_options_that_make_no_sense_are_refused(folders, tmp_path):
 @pytest.mark.sim
 @pytest.mark.viz
 def test_evaluate_maps_babbles_learns_adapts_and_reports(icub, tmp_path):
-    size = Size(near=800, uniform=200, most=400, iterations=2, robots=1, best=False, peers=False)
+    size = Size(800, 200, 400, 2, 1, 400, 5, 10, best=False, peers=False)
     maps = evaluate_maps(icub, seed=3, data=tmp_path, size=size, progress=Progress())
     figures = maps.figures
     assert {"median_px", "p95_px", "train_s", "project_us", "numpy_us"} <= set(figures["neural"])
@@ -94,6 +94,7 @@ def test_evaluate_maps_babbles_learns_adapts_and_reports(icub, tmp_path):
         assert figures["adapt"][model]["after_px"] < figures["adapt"][model]["before_px"]
     assert figures["adapt"]["kinematic"]["after_px"] < 0.7
     assert figures["label_to_geometry_median_px"] < 0.2
+    assert {"iou_mean", "iou_p05", "infer_us"} <= set(figures["peripersonal"])
     json.dumps(figures)
     held = {mode: len(Store.open(tmp_path / mode)) for mode in ("near-3", "uniform-1003")}
     assert held == {"near-3": 800, "uniform-1003": 200}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from .errors import StateError
+from .peripersonal_model import PeripersonalModel
 from .projection import HybridProjection, KinematicProjection, NeuralProjection
 from .robot import Robot
 
@@ -27,6 +28,16 @@ def neural_projection(robot: Robot) -> NeuralProjection:
     learned = _read(NEURAL, lambda path: NeuralProjection.load(path, robot=robot.name))
     shapes = {name: mount.camera.shape for name, mount in robot.cameras.items()}
     return learned if shapes == learned.shapes else learned.resized(shapes)
+
+
+def peripersonal_model(robot: Robot) -> PeripersonalModel:
+    """The reachable space's ellipses that networks learned of the simulated iCub.
+
+    Raises:
+        ArgumentError: another robot.
+        StateError: the file is missing from the installation.
+    """
+    return _read(PERIPERSONAL, lambda path: PeripersonalModel.load(path, robot=robot.name))
 
 
 def hybrid_projection(robot: Robot) -> HybridProjection:
