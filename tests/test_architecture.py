@@ -12,7 +12,19 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "python" / "motorprime"
 KERNELS = ROOT / "rust" / "src"
 
-FACES = {"babble_face", "bench", "cli", "demo", "viz", "video", "recording", "report", "evaluate", "summary"}
+FACES = {
+    "training",
+    "babble_face",
+    "bench",
+    "cli",
+    "demo",
+    "viz",
+    "video",
+    "recording",
+    "report",
+    "evaluate",
+    "summary",
+}
 UPPER = FACES | {"tasks", "sim"}
 MODULES = sorted(PACKAGE.rglob("*.py"))
 MAX_LINES = 450

@@ -30,6 +30,17 @@ def rotation_from_rpy(rpy: ArrayLike) -> Floats:
     )
 
 
+def rpy_from_rotation(rotation: ArrayLike) -> Floats:
+    """URDF's roll, pitch, yaw (3,) [rad] of a rotation (3, 3), exact at a pitch of 90 degrees too.
+
+    There only yaw - roll or yaw + roll is determined; yaw is what rounding says, and roll follows from it.
+    """
+    matrix = fixed("rotation", rotation, (3, 3))
+    yaw = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+    left = rotation_from_rpy((0.0, 0.0, -yaw)) @ matrix
+    return np.array([np.arctan2(-left[1, 2], left[1, 1]), np.arctan2(-left[2, 0], left[0, 0]), yaw])
+
+
 def transform(rotation: ArrayLike, translation: ArrayLike) -> Floats:
     """Homogeneous matrix (4, 4) of a rotation (3, 3) and a translation (3,) [m]."""
     matrix = np.eye(4)
@@ -67,6 +78,10 @@ class Joint:
     def moves(self) -> bool:
         """Whether it has an angle."""
         return self.kind != "fixed"
+
+    def turn(self, angle: Floats) -> Floats:
+        """Rotation about its axis: angles (...) [rad] -> (..., 4, 4)."""
+        return _Turn(self.axis).by(angle)
 
 
 class KinematicTree:
@@ -163,31 +178,41 @@ class KinematicTree:
 
 
 class Chain:
-    """A serial chain; its variables are the angles [rad] of its moving joints, from base to tip."""
+    """A serial chain; its variables are the angles [rad] of its moving joints, from base to tip.
+
+    Args:
+        joints: moving and fixed ones, from base to tip, each on the child of the one before.
+    """
 
     def __init__(self, joints: tuple[Joint, ...]) -> None:
+        self.joints = joints
         self.names: tuple[str, ...] = tuple(joint.name for joint in joints if joint.moves)
         self.limits: Floats = np.array([(j.lower, j.upper) for j in joints if j.moves]).reshape(-1, 2)
         # Fixed joints fold into the origin of the next moving one, so a pose costs one product per variable.
         self._origins: list[Floats] = []
         self._axes: list[Floats] = []
-        self._turns: list[_Turn] = []
+        turns: list[_Turn] = []
         pending = np.eye(4)
         for joint in joints:
             pending = pending @ joint.origin
             if joint.moves:
                 self._origins.append(pending)
                 self._axes.append(joint.axis)
-                self._turns.append(_Turn(joint.axis))
+                turns.append(_Turn(joint.axis))
                 pending = np.eye(4)
         self._end = pending
+        # Origin times turn is linear in sine and versine: all joints' products in a few operations.
+        self._plain = np.reshape(self._origins, (-1, 4, 4))
+        self._sine = self._plain @ np.reshape([turn.cross for turn in turns], (-1, 4, 4))
+        self._versine = self._plain @ np.reshape([turn.square for turn in turns], (-1, 4, 4))
 
     def forward(self, angles: ArrayLike) -> Floats:
         """Pose of the tip in the base frame: angles (..., n) [rad] -> (..., 4, 4)."""
         q = self._checked(angles)
-        pose = np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))
-        for k, (origin, turn) in enumerate(zip(self._origins, self._turns, strict=True)):
-            pose = pose @ origin @ turn.by(q[..., k])
+        steps = self._steps(q)
+        pose: Floats = np.broadcast_to(_IDENTITY, (*q.shape[:-1], 4, 4))
+        for k in range(len(self.names)):
+            pose = pose @ steps[..., k, :, :]
         return pose @ self._end
 
     def jacobian(self, angles: ArrayLike) -> tuple[Floats, Floats]:
@@ -198,15 +223,21 @@ class Chain:
         q = self._checked(angles)
         if q.ndim != 1:
             raise ArgumentError(f"angles: one posture of shape ({len(self.names)},) expected, got {q.shape}")
-        pose, axes, places = np.eye(4), [], []
-        for k, (origin, turn) in enumerate(zip(self._origins, self._turns, strict=True)):
-            pose = pose @ origin
-            axes.append(pose[:3, :3] @ self._axes[k])
-            places.append(pose[:3, 3])
-            pose = pose @ turn.by(q[k])
+        pose, axes, places, steps = np.eye(4), [], [], self._steps(q)
+        for k, (origin, axis) in enumerate(zip(self._origins, self._axes, strict=True)):
+            before = pose @ origin
+            axes.append(before[:3, :3] @ axis)
+            places.append(before[:3, 3])
+            pose = pose @ steps[k]
         pose = pose @ self._end
         z, levers = np.reshape(axes, (-1, 3)), pose[:3, 3] - np.reshape(places, (-1, 3))
         return pose, np.vstack([np.cross(z, levers).T, z.T])
+
+    def _steps(self, q: Floats) -> Floats:
+        """Each joint's origin times its turn: angles (..., n) [rad] -> (..., n, 4, 4)."""
+        sine, versine = np.sin(q)[..., None, None], (1.0 - np.cos(q))[..., None, None]
+        steps: Floats = self._plain + sine * self._sine + versine * self._versine
+        return steps
 
     def _checked(self, angles: ArrayLike) -> Floats:
         q = numbers("angles", angles)
@@ -222,14 +253,14 @@ class _Turn:
 
     def __init__(self, axis: Floats) -> None:
         x, y, z = axis
-        self._cross = np.zeros((4, 4))
-        self._cross[:3, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-        self._square = self._cross @ self._cross
+        self.cross = np.zeros((4, 4))
+        self.cross[:3, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+        self.square = self.cross @ self.cross
 
     def by(self, angle: Floats) -> Floats:
         """Angles (...) [rad] -> homogeneous matrices (..., 4, 4)."""
         sine, versine = np.sin(angle)[..., None, None], (1.0 - np.cos(angle))[..., None, None]
-        return _IDENTITY + sine * self._cross + versine * self._square
+        return _IDENTITY + sine * self.cross + versine * self.square
 
 
 _IDENTITY = np.eye(4)

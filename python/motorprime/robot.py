@@ -133,21 +133,21 @@ class Robot:
         return np.array([self.rest.get(name, mid) for name, mid in zip(variables, middle, strict=True)])
 
     def urdf_angles(self, names: tuple[str, ...], joints: Floats) -> Floats:
-        """Angles (n,) [rad] of URDF joints at a gaze posture, couplings resolved.
+        """Angles (..., n) [rad] of URDF joints at gaze postures (..., len(gaze)), couplings resolved.
 
         Raises:
             ArgumentError: a joint depends on a variable that is not one of :attr:`gaze`.
         """
-        value = dict(zip(self.gaze, joints, strict=True))
-        angles = np.zeros(len(names))
+        column = {variable: i for i, variable in enumerate(self.gaze)}
+        angles = np.zeros((*joints.shape[:-1], len(names)))
         for k, name in enumerate(names):
             for variable, factor in self.couplings.get(name, {name: 1.0}).items():
-                if variable not in value:
+                if variable not in column:
                     raise ArgumentError(
                         f"gaze: robot '{self.name}' has joint '{name}' on the way to a camera or the chest, "
                         f"which needs '{variable}'; the variables are {self.gaze}"
                     )
-                angles[k] += factor * value[variable]
+                angles[..., k] += factor * joints[..., column[variable]]
         return angles
 
     def gaze_posture(self, joints: ArrayLike) -> Floats:

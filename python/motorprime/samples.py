@@ -84,6 +84,28 @@ class Samples:
             None if self.points is None else self.points[index],
         )
 
+    def joined(self, other: Samples) -> Samples:
+        """These samples and then the other's, of the same joints and cameras.
+
+        Raises:
+            ArgumentError: other joints or cameras, or points in one of the two only.
+        """
+        if (self.names, set(self.cameras)) != (other.names, set(other.cameras)):
+            raise ArgumentError(
+                f"other: joints {self.names} and cameras {self.cameras} expected, "
+                f"got {other.names} and {other.cameras}"
+            )
+        if (self.points is None) != (other.points is None):
+            raise ArgumentError("other: points in one of the two samples only")
+        return Samples(
+            self.names,
+            np.concatenate([self.joints, other.joints]),
+            {camera: np.concatenate([uv, other.pixels[camera]]) for camera, uv in self.pixels.items()},
+            None
+            if self.points is None or other.points is None
+            else np.concatenate([self.points, other.points]),
+        )
+
     def columns(self, names: tuple[str, ...]) -> Floats:
         """Columns (N, len(names)) of the joints, in the order asked for.
 

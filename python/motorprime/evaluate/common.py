@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,6 +17,14 @@ from ..errors import ArgumentError
 
 T = TypeVar("T")
 
+_COLUMNS = (
+    TextColumn("{task.description}"),
+    BarColumn(),
+    MofNCompleteColumn(),
+    TextColumn("left"),
+    TimeRemainingColumn(),
+)
+
 
 class Progress:
     """A progress bar on ``console``; silent without one."""
@@ -23,19 +32,23 @@ class Progress:
     def __init__(self, console: Console | None = None) -> None:
         self._console = console
 
+    @contextmanager
+    def counting(self, total: int, what: str) -> Iterator[Callable[[int], None]]:
+        """A bar for work that tells itself how much of ``total`` is done."""
+        if self._console is None:
+            yield lambda done: None
+            return
+        with Bars(*_COLUMNS, console=self._console) as bars:
+            task = bars.add_task(what, total=total)
+            yield lambda done: bars.update(task, completed=done)
+            bars.update(task, completed=total)
+
     def over(self, items: Iterable[T], what: str) -> Iterator[T]:
         """Iterate with a bar that says what is done, how far it is, and how long it will take."""
         if self._console is None:
             yield from items
             return
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-        )
-        with Bars(*columns, console=self._console) as bars:
+        with Bars(*_COLUMNS, console=self._console) as bars:
             yield from bars.track(
                 items, total=len(items) if isinstance(items, Sized) else None, description=what
             )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
@@ -11,13 +10,8 @@ import numpy.typing as npt
 
 from .._arrays import Floats, rows
 from ..camera import Camera, PosedCamera
-from ..errors import ArgumentError, ArgumentTypeError
-
-MIN_ANGLE = 1e-3
-"""Two rays that enclose a smaller angle [rad] are taken as parallel."""
-
-_ITERATIONS = 10
-_STEP = 1e-9  # [m], a smaller step ends the iteration
+from ..errors import ArgumentError, ArgumentTypeError, StateError
+from .triangulation import nearest_to_rays, refine
 
 
 class Projection(ABC):
@@ -46,16 +40,93 @@ class Projection(ABC):
         """
 
     @abstractmethod
+    def jacobian(self, points: npt.ArrayLike, joints: npt.ArrayLike | None = None) -> dict[str, Floats]:
+        """Derivatives {name: (N, 2, 3)} [px / m] of ``project`` by the points."""
+
+    def visible(
+        self, points: npt.ArrayLike, joints: npt.ArrayLike | None = None
+    ) -> dict[str, npt.NDArray[np.bool_]]:
+        """Whether each camera has each point in its image {name: (N,)}; occlusion is not known.
+
+        This is judged before lens distortion, which may fold a point far outside back into the image.
+        """
+        pixels = self.project(points, joints)
+        return {name: inside(pixels[name], shape) for name, shape in self.shapes.items()}
+
     def depths(self, points: npt.ArrayLike, joints: npt.ArrayLike | None = None) -> dict[str, Floats]:
-        """Return the depth along each optical axis {name: (N,)} [m]; negative behind the camera."""
+        """Return the depth along each optical axis {name: (N,)} [m]; negative behind the camera.
+
+        Raises :class:`StateError` where the projection knows of no optical axes.
+        """
+        raise StateError(f"a {type(self).__name__} knows pixels, but no depths")
+
+    def triangulate(self, pixels: Mapping[str, npt.ArrayLike], joints: npt.ArrayLike | None = None) -> Floats:
+        """Return the points (N, 3) [m] with the least squared reprojection error [px^2].
+
+        pixels {name: (N, 2)} of at least two cameras; a NaN row, as ``project`` writes it, means that this
+        camera does not see the point. Damped Gauss-Newton steps on :meth:`jacobian` lower the error from
+        where the projection starts. A point that fewer than two cameras see, or that the pixels do not
+        determine, gives a NaN row.
+        Raises :class:`ArgumentError` for fewer than two cameras, unknown names, infinities and unequal N.
+        """
+        targets = self._check_pixels(pixels)
+        names, stacked = list(targets), np.stack(list(targets.values()))
+        best = np.full((stacked.shape[1], 3), np.nan)
+        least = np.full(len(best), np.inf)
+        for start in self._starts(targets, joints):
+            good = np.flatnonzero(~np.isnan(start[:, 0]))
+            seen = ~np.isnan(stacked[:, good, 0])
+            aims = np.where(seen[..., None], stacked[:, good], 0.0)
+
+            def evaluate(
+                points: Floats,
+                seen: npt.NDArray[np.bool_] = seen,
+                aims: Floats = aims,
+            ) -> tuple[Floats, Floats]:
+                reached, slopes = self._linearise(points, joints)
+                errors = np.stack([reached[name] for name in names]) - aims
+                slope = np.stack([slopes[name] for name in names])
+                return np.where(seen[..., None], errors, 0.0), np.where(seen[..., None, None], slope, 0.0)
+
+            points, cost = refine(evaluate, start[good])
+            # Without a cost the point is behind one of its cameras, or outside what its lens can see.
+            with np.errstate(invalid="ignore"):
+                better = cost < least[good]
+            best[good[better]], least[good[better]] = points[better], cost[better]
+        return best
 
     @abstractmethod
-    def triangulate(self, pixels: Mapping[str, npt.ArrayLike], joints: npt.ArrayLike | None = None) -> Floats:
-        """Return the points (N, 3) that appear at pixels {name: (N, 2)} of at least two cameras.
+    def _starts(self, pixels: Mapping[str, Floats], joints: npt.ArrayLike | None) -> list[Floats]:
+        """Where triangulation starts: each (N, 3) [m], NaN rows for points that are not determined."""
 
-        A NaN row of pixels, as ``project`` writes it, means that this camera does not see the point. A point
-        that fewer than two cameras see, or that the pixels do not determine, gives a NaN row.
-        """
+    def _linearise(
+        self, points: Floats, joints: npt.ArrayLike | None
+    ) -> tuple[dict[str, Floats], dict[str, Floats]]:
+        """Pixels and their derivatives; NaN where a camera cannot have the point in view."""
+        return self.project(points, joints), self.jacobian(points, joints)
+
+    def _check_pixels(self, pixels: Mapping[str, npt.ArrayLike]) -> dict[str, Floats]:
+        if not isinstance(pixels, Mapping):
+            raise ArgumentTypeError(
+                f"pixels: expected a mapping of camera names, got {type(pixels).__name__}"
+            )
+        unknown = [name for name in pixels if name not in self.cameras]
+        if unknown:
+            raise ArgumentError(f"pixels: unknown camera {unknown[0]!r}; there are {', '.join(self.cameras)}")
+        if len(pixels) < 2:
+            raise ArgumentError(f"pixels: expected at least two cameras, got {', '.join(pixels) or 'none'}")
+        checked = {name: rows(f"pixels[{name!r}]", value, 2, nan=True) for name, value in pixels.items()}
+        lengths = {name: len(value) for name, value in checked.items()}
+        if len(set(lengths.values())) > 1:
+            raise ArgumentError(f"pixels: expected the same number of rows for each camera, got {lengths}")
+        return checked
+
+
+def inside(pixels: Floats, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """Whether pixels (N, 2) lie in an image (height, width), from -0.5 to width - 0.5; NaN rows do not."""
+    with np.errstate(invalid="ignore"):
+        within = (pixels >= -0.5) & (pixels < (shape[1] - 0.5, shape[0] - 0.5))
+    return np.asarray(within.all(axis=-1))
 
 
 class PosedProjection(Projection):
@@ -99,100 +170,18 @@ class PosedProjection(Projection):
         points = rows("points", points, 3)
         return {name: camera.depth(points) for name, camera in self.posed(joints).items()}
 
-    def triangulate(self, pixels: Mapping[str, npt.ArrayLike], joints: npt.ArrayLike | None = None) -> Floats:
-        """Return the points (N, 3) [m] with the least squared reprojection error [px^2].
+    def jacobian(self, points: npt.ArrayLike, joints: npt.ArrayLike | None = None) -> dict[str, Floats]:
+        """Derivatives {name: (N, 2, 3)} [px / m] of ``project`` by the points."""
+        points = rows("points", points, 3)
+        return {
+            name: view.camera.jacobian(view.to_camera(points)) @ view.pose[:3, :3].T
+            for name, view in self.posed(joints).items()
+        }
 
-        pixels {name: (N, 2)} of at least two cameras; a NaN row means that this camera does not see it.
-        It starts at the point nearest to all rays (origin o, unit direction d)::
+    def _starts(self, pixels: Mapping[str, Floats], joints: npt.ArrayLike | None) -> list[Floats]:
+        """The points nearest to all rays; NaN where rays are parallel to within 1 mrad.
 
-            sum (I - d d^T) x = sum (I - d d^T) o
-
-        and goes on by Gauss-Newton steps on the pixels, lens distortion included, keeping a step only where
-        it lowers the error. A row is NaN if fewer than two cameras see the point, if the rays are parallel to
-        within 1 mrad, or if they meet less than 0.01 m in front of one of the cameras.
-        Raises :class:`ArgumentError` for fewer than two cameras, unknown names, infinities and unequal N.
+        With origins o and unit directions d: sum (I - d d^T) x = sum (I - d d^T) o.
         """
-        seen = self._check_pixels(pixels)
         posed = self.posed(joints)
-        cameras = [posed[name] for name in seen]
-        targets = np.stack(list(seen.values()))
-        points, visible = nearest_to_rays(cameras, targets)
-        good = ~np.isnan(points[:, 0])
-        points[good] = _refine(cameras, targets[:, good], visible[:, good], points[good])
-        return points
-
-    def _check_pixels(self, pixels: Mapping[str, npt.ArrayLike]) -> dict[str, Floats]:
-        if not isinstance(pixels, Mapping):
-            raise ArgumentTypeError(
-                f"pixels: expected a mapping of camera names, got {type(pixels).__name__}"
-            )
-        unknown = [name for name in pixels if name not in self._cameras]
-        if unknown:
-            raise ArgumentError(f"pixels: unknown camera {unknown[0]!r}; there are {', '.join(self.cameras)}")
-        if len(pixels) < 2:
-            raise ArgumentError(f"pixels: expected at least two cameras, got {', '.join(pixels) or 'none'}")
-        checked = {name: rows(f"pixels[{name!r}]", value, 2, nan=True) for name, value in pixels.items()}
-        lengths = {name: len(value) for name, value in checked.items()}
-        if len(set(lengths.values())) > 1:
-            raise ArgumentError(f"pixels: expected the same number of rows for each camera, got {lengths}")
-        return checked
-
-
-def nearest_to_rays(cameras: list[PosedCamera], targets: Floats) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Return the points (N, 3) nearest to the rays of targets (C, N, 2), and which rays (C, N) count."""
-    count = targets.shape[1]
-    visible: npt.NDArray[np.bool_] = np.asarray(~np.isnan(targets).any(axis=2))
-    normal, right = np.zeros((count, 3, 3)), np.zeros((count, 3))
-    for camera, target, seen in zip(cameras, targets, visible, strict=True):
-        origin, direction = camera.rays(np.where(seen[:, None], target, 0.0))
-        seen &= ~np.isnan(direction[:, 0])
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
-        across[~seen] = 0.0
-        normal += across
-        right += across @ origin
-    # For two rays the smallest eigenvalue is 1 - cos(angle between them).
-    determined = visible.sum(axis=0) >= 2
-    determined &= np.linalg.eigvalsh(normal)[:, 0] >= 1.0 - math.cos(MIN_ANGLE)
-    points = np.full((count, 3), np.nan)
-    points[determined] = np.linalg.solve(normal[determined], right[determined, :, None])[:, :, 0]
-    return points, visible
-
-
-def _refine(
-    cameras: list[PosedCamera], targets: Floats, visible: npt.NDArray[np.bool_], points: Floats
-) -> Floats:
-    """Gauss-Newton on the reprojection error of all points at once; never worse than the start."""
-
-    def evaluate(points: Floats) -> tuple[Floats, Floats, Floats]:
-        n = len(points)
-        cost, gradient, hessian = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
-        for camera, target, seen in zip(cameras, targets, visible, strict=True):
-            local = camera.to_camera(points)
-            error = np.where(seen[:, None], camera.camera.project(local) - target, 0.0)
-            slope = camera.camera.jacobian(local) @ camera.pose[:3, :3].T
-            slope = np.where(seen[:, None, None], slope, 0.0)
-            cost += (error**2).sum(axis=1)
-            gradient += np.einsum("nij,ni->nj", slope, error)
-            hessian += np.einsum("nij,nik->njk", slope, slope)
-        return cost, gradient, hessian
-
-    cost, gradient, hessian = evaluate(points)
-    for _ in range(_ITERATIONS):
-        # A trace of damping, far below the steps' precision, keeps a singular system from raising.
-        size = np.trace(hessian, axis1=1, axis2=2)
-        hessian = hessian + 1e-13 * size[:, None, None] * np.eye(3)
-        solvable = np.isfinite(cost) & (size > 0.0)
-        step = np.zeros_like(points)
-        step[solvable] = np.linalg.solve(hessian[solvable], gradient[solvable, :, None])[:, :, 0]
-        new = evaluate(points - step)
-        with np.errstate(invalid="ignore"):
-            better = new[0] < cost
-        points = np.where(better[:, None], points - step, points)
-        cost = np.where(better, new[0], cost)
-        if not (better & (np.abs(step).max(axis=1) > _STEP)).any():
-            break
-        gradient = np.where(better[:, None], new[1], gradient)
-        hessian = np.where(better[:, None, None], new[2], hessian)
-    # Without a cost the point is behind one of its cameras, or outside what its lens can see.
-    return np.where(np.isfinite(cost)[:, None], points, np.nan)
+        return [nearest_to_rays([posed[name] for name in pixels], np.stack(list(pixels.values())))[0]]

@@ -1,6 +1,7 @@
 """The report of a run: one HTML file that needs nothing else, and its plots."""
 
-from .page import EMBED_LIMIT, Shot, page, write_report
+from .document import Shot
+from .page import EMBED_LIMIT, page, write_report
 from .plots import check_plots, plot_shots
 
 __all__ = ["EMBED_LIMIT", "Shot", "check_plots", "page", "plot_shots", "write_report"]

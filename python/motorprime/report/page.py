@@ -2,45 +2,16 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from ..viz import LEGEND
+from .document import Shot, cards, document, figure, strong, uri, write_whole
 from .text import explanation, headline, note, numbers, outcome_class, outcome_line, pairs
 
 EMBED_LIMIT = 8_000_000  # a larger video is linked instead [bytes]
-
-_ICON = (
-    "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'><rect width='32' height='32' rx='7' "
-    "fill='#1d2430'/><circle cx='16' cy='16' r='9' fill='none' stroke='#e22024' stroke-width='4'/>"
-    "<circle cx='16' cy='16' r='3' fill='#fff'/></svg>"
-)
-
-
-@dataclass(frozen=True)
-class Shot:
-    """A picture or plot for a report.
-
-    Attributes:
-        title: two or three words.
-        caption: a sentence that explains it.
-        alt: what it shows, for those who cannot see it.
-        data: the encoded picture.
-        kind: its media type, such as 'image/png'.
-        lead: the one to show large.
-    """
-
-    title: str
-    caption: str
-    alt: str
-    data: bytes
-    kind: str
-    lead: bool = False
 
 
 def write_report(
@@ -57,14 +28,7 @@ def write_report(
     Raises:
         OSError: it cannot be written, or the video cannot be read.
     """
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_text(
-            page(data, pictures=pictures, plots=plots, video=video, poster=poster), encoding="utf-8"
-        )
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_whole(path, page(data, pictures=pictures, plots=plots, video=video, poster=poster))
 
 
 def page(
@@ -87,8 +51,6 @@ def page(
     title = f"{data['title']}: {data['outcome']}"
     linked = video is not None and video.stat().st_size >= EMBED_LIMIT
     media = "data: file: 'self'" if linked else "data:"
-    policy = f"default-src 'none'; img-src data:; media-src {media}; style-src 'unsafe-inline'"
-    style = files(__package__).joinpath("style.css").read_text(encoding="utf-8")
     body = [
         _head(data),
         _film(video, poster, linked),
@@ -97,16 +59,7 @@ def page(
         _plots(plots),
         _details(data),
     ]
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{escape(policy)}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n"
-        f'<link rel="icon" href="{_uri(_ICON.encode(), "image/svg+xml")}">\n'
-        f"<style>\n{style}</style>\n</head>\n<body>\n"
-        + "\n".join(part for part in body if part)
-        + "\n</body>\n</html>\n"
-    )
+    return document(title, body, media=media)
 
 
 def _head(data: Mapping[str, Any]) -> str:
@@ -118,16 +71,12 @@ def _head(data: Mapping[str, Any]) -> str:
         said += f" {escape(reason[:1].upper() + reason[1:])}." if reason else ""
         banner = f'<div class="banner {kind}"><p>{said} The figures cover the cycles until then.</p></div>\n'
     why = f'<span class="reason">{escape(reason)}</span>' if reason and not banner else ""
-    cards = "".join(
-        f"<div><strong>{escape(big)}</strong><span>{escape(small)}</span></div>"
-        for big, small in numbers(data)
-    )
     return (
         f'{banner}<p class="kicker">motorprime · motor-primed visual attention</p>\n'
         f"<h1>{escape(str(data['title']))}</h1>\n"
         f'<p><span class="outcome {kind}">{escape(outcome_line(data))}</span>{why}</p>\n'
-        f'<p class="headline">{_strong(headline(data))}</p>\n'
-        f'<div class="numbers">{cards}</div>\n'
+        f'<p class="headline">{strong(headline(data))}</p>\n'
+        f"{cards(numbers(data))}\n"
         f"<p>{escape(explanation())}</p>"
     )
 
@@ -135,8 +84,8 @@ def _head(data: Mapping[str, Any]) -> str:
 def _film(video: Path | None, poster: bytes | None, linked: bool) -> str:
     if video is None:
         return ""
-    source = escape(video.name) if linked else _uri(video.read_bytes(), "video/webm")
-    still = f' poster="{_uri(poster, "image/jpeg")}"' if poster else ""
+    source = escape(video.name) if linked else uri(video.read_bytes(), "video/webm")
+    still = f' poster="{uri(poster, "image/jpeg")}"' if poster else ""
     beside = (
         f" The video is too large for this page and lies beside it: {escape(video.name)}." if linked else ""
     )
@@ -157,24 +106,16 @@ def _story(pictures: Sequence[Shot]) -> str:
         for (r, g, b), meaning in LEGEND
     )
     lead = next((shot for shot in pictures if shot.lead), pictures[0])
-    shown = "".join(_figure(shot) for shot in pictures if shot is not lead)
+    shown = "".join(figure(shot) for shot in pictures if shot is not lead)
     return (
         "<h2>What the robot looked at</h2>\n"
         "<p>Left and right eye, side by side. The redder, the more relevant to the motion.</p>\n"
-        f'<ul class="legend">{swatches}</ul>\n{_figure(lead)}<div class="grid">{shown}</div>'
+        f'<ul class="legend">{swatches}</ul>\n{figure(lead)}<div class="grid">{shown}</div>'
     )
 
 
 def _plots(plots: Sequence[Shot]) -> str:
-    return "".join(f"<h2>{escape(shot.title)}</h2>\n{_figure(shot, 'plot')}" for shot in plots)
-
-
-def _figure(shot: Shot, kind: str = "") -> str:
-    title = "" if kind == "plot" else f"<b>{escape(shot.title)}.</b> "
-    return (
-        f'<figure class="{kind}"><img src="{_uri(shot.data, shot.kind)}" alt="{escape(shot.alt)}">'
-        f"<figcaption>{title}{escape(shot.caption)}</figcaption></figure>\n"
-    )
+    return "".join(f"<h2>{escape(shot.title)}</h2>\n{figure(shot, 'plot')}" for shot in plots)
 
 
 def _table(data: Mapping[str, Any]) -> str:
@@ -245,12 +186,3 @@ def _full_cells(full: Mapping[str, Any] | None) -> str:
     if full is None:
         return '<td class="n">–</td><td>–</td>'
     return f'<td class="n">{1e3 * full["seconds"]:.1f}</td><td>{"yes" if full["located"] else "no"}</td>'
-
-
-def _strong(parts: Sequence[str]) -> str:
-    """Every second part stands out."""
-    return "".join(f"<b>{escape(part)}</b>" if k % 2 else escape(part) for k, part in enumerate(parts))
-
-
-def _uri(data: bytes, kind: str) -> str:
-    return f"data:{kind};base64,{base64.b64encode(data).decode()}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import io
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
@@ -12,11 +11,10 @@ import numpy as np
 
 from ..errors import MissingExtraError
 from ..summary import stages_of, total_ms
-from .page import Shot
+from .document import Shot, new_figure, plotted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 COLOURS = ("#7aa6f0", "#b4d2f7", "#f2b134", "#2457c5", "#8d6fd1", "#7f8896", "#c2c8d2")
 FULL, GOOD, INK, LINE = "#8b919c", "#169c52", "#1d2430", "#2457c5"
@@ -77,7 +75,7 @@ def plot_shots(data: Mapping[str, Any]) -> list[Shot]:
 
 
 def _times(history: Sequence[Mapping[str, Any]]) -> Shot:
-    figure = _figure(4.6)
+    figure = new_figure(4.6)
     full = [None if r["full_frame"] is None else 1e3 * r["full_frame"]["seconds"] for r in history]
     measured = [value for value in full if value is not None]
     numbers = np.arange(1, len(history) + 1)
@@ -118,7 +116,7 @@ def _times(history: Sequence[Mapping[str, Any]]) -> Shot:
     below.set_title("Where the time with attention goes", pad=14)
     below.legend(loc="upper center", ncol=5, bbox_to_anchor=(0.5, -0.24))
     _shade(below, history)
-    return _shot(
+    return plotted(
         figure,
         "Time of every vision cycle",
         "Above: all stages with attention beside the scan of the full images. Below: the former by stage.",
@@ -128,7 +126,7 @@ def _times(history: Sequence[Mapping[str, Any]]) -> Shot:
 
 
 def _approach(reach: Sequence[Mapping[str, Any]]) -> Shot:
-    figure = _figure(3.4)
+    figure = new_figure(3.4)
     axes = figure.subplots()
     times = np.array([record["time"] for record in reach])
     distances = np.array([1e3 * _distance(record["palm"], record["goal"]) for record in reach])
@@ -158,7 +156,7 @@ def _approach(reach: Sequence[Mapping[str, Any]]) -> Shot:
     axes.set_xlabel("time [s]")
     axes.set_ylabel("distance [mm]")
     axes.legend(loc="upper right")
-    return _shot(
+    return plotted(
         figure,
         "The reach",
         caption,
@@ -167,7 +165,7 @@ def _approach(reach: Sequence[Mapping[str, Any]]) -> Shot:
 
 
 def _attended(history: Sequence[Mapping[str, Any]]) -> Shot:
-    figure = _figure(2.8)
+    figure = new_figure(2.8)
     axes = figure.subplots()
     shares = np.array([100.0 * record["attended"] for record in history])
     numbers = np.arange(1, len(history) + 1)
@@ -183,7 +181,7 @@ def _attended(history: Sequence[Mapping[str, Any]]) -> Shot:
     axes.set_ylabel("% of the pixels")
     axes.set_xlabel("vision cycle")
     _shade(axes, history)
-    return _shot(
+    return plotted(
         figure,
         "How much was looked at",
         "Pixels of both images that the detector touched; an overlap counts once.",
@@ -213,15 +211,3 @@ def _shade(axes: Axes, history: Sequence[Mapping[str, Any]]) -> None:
 
 def _distance(a: Sequence[float], b: Sequence[float]) -> float:
     return float(np.linalg.norm(np.subtract(a, b)))
-
-
-def _figure(height: float) -> Figure:
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(9.0, height), layout="constrained")
-
-
-def _shot(figure: Figure, title: str, caption: str, alt: str) -> Shot:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return Shot(title, caption, alt, buffer.getvalue(), "image/svg+xml")
