@@ -86,6 +86,8 @@ def test_help_of_reach_says_what_it_leaves_and_its_exit_codes(run):
         "130",
         "--seed",
         "--no-glass",
+        "--projection",
+        "kinematic|neural|hybrid",
         "--json",
     ):
         assert part in out
@@ -132,6 +134,7 @@ def test_without_the_extra_one_line_says_what_to_install(tmp_path, command):
         (["reach", "--noise", "nan"], "--noise"),
         (["reach", "--noise", "inf"], "--noise"),
         (["reach", "--clutter", "7"], "--clutter"),
+        (["reach", "--projection", "psychic"], "--projection"),
         (["reach", "--no-such-option"], "--no-such-option"),
         (["evaluate", "nothing"], "nothing"),
         (["nothing"], "nothing"),
@@ -169,6 +172,19 @@ def test_an_error_is_one_line_and_exit_code_2(run, tmp_path, arguments, named):
     assert err.startswith(f"motorprime: {named}")
     assert err.count("\n") == 1
     assert not list(tmp_path.glob("runs/*"))  # no empty folder either
+
+
+@SIM
+def test_missing_weights_are_one_line(run, tmp_path, monkeypatch):
+    from motorprime import shipped
+
+    monkeypatch.setattr(shipped, "NEURAL", "absent.safetensors")
+    code, _, err = run("reach", "--projection", "neural")
+    assert code == 2
+    assert err == (
+        "motorprime: the package's file weights/absent.safetensors is missing; install motorprime again\n"
+    )
+    assert not list(tmp_path.glob("runs/*"))
 
 
 @SIM

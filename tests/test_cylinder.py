@@ -10,6 +10,8 @@ from motorprime.cylinder import Cylinder, convex_spans, locate_cylinder, outline
 from motorprime.detectors import Silhouette
 from motorprime.errors import ArgumentError, ArgumentTypeError
 from motorprime.kinematics import transform
+from motorprime.views import Views
+from poseless import Poseless, Shifted
 
 CAMERA = Camera(320, 240, 257.34, 257.34, 160.0, 120.0)
 GLASS = Cylinder(radius=0.0325, height=0.11)
@@ -68,6 +70,10 @@ def seen(views, centre, cylinder=GLASS, hide=lambda mask, name: None):
     return result
 
 
+def locate(views, silhouettes, cylinder=GLASS, through=lambda projection: projection, **options):
+    return locate_cylinder(Views(through(PinholeProjection(views))), silhouettes, cylinder, **options)
+
+
 def off(located, centre) -> float:
     return float(np.linalg.norm(located.centre - centre))
 
@@ -79,7 +85,7 @@ def whole():
     for centre in PLACES:
         views = eyes(centre)
         silhouettes = seen(views, centre)
-        located = locate_cylinder(views, silhouettes, GLASS)
+        located = locate(views, silhouettes, GLASS)
         assert min(located.overlap, located.explained, located.visible) > 0.985
         plain = PinholeProjection(views).triangulate({k: s.centroid[None] for k, s in silhouettes.items()})
         offsets.append((off(located, centre), np.linalg.norm(plain[0] - centre)))
@@ -130,7 +136,7 @@ def test_a_partly_hidden_cylinder_is_fitted_by_its_outline(hide, typical, worst,
     errors = []
     for centre in PLACES[:6]:
         views = eyes(centre)
-        located = locate_cylinder(views, seen(views, centre, hide=hide), GLASS)
+        located = locate(views, seen(views, centre, hide=hide), GLASS)
         errors.append(off(located, centre))
         assert located.explained > 0.97 and visible[0] < located.visible < visible[1]
         assert located.overlap <= min(located.explained, located.visible) + 1e-9
@@ -146,7 +152,7 @@ def test_what_the_image_s_border_cuts_off_is_not_missed(shift):
     assert any(
         s.box[0] == 0 or s.box[1] == 0 or s.box[2] == 320 or s.box[3] == 240 for s in silhouettes.values()
     )
-    located = locate_cylinder(views, silhouettes, GLASS)
+    located = locate(views, silhouettes, GLASS)
     assert off(located, centre) < 0.003 and located.overlap > 0.97 and located.visible > 0.97
 
 
@@ -154,8 +160,8 @@ def test_a_small_one_is_located_too_and_the_size_matters():
     centre, small = np.array([-0.36, 0.05, 0.0]), Cylinder(0.014, 0.056)
     views = eyes(centre)
     silhouettes = seen(views, centre, small)
-    assert off(locate_cylinder(views, silhouettes, small), centre) < 0.002
-    taken_for_large = locate_cylinder(views, silhouettes, GLASS)
+    assert off(locate(views, silhouettes, small), centre) < 0.002
+    taken_for_large = locate(views, silhouettes, GLASS)
     assert taken_for_large.overlap < 0.6
 
 
@@ -167,7 +173,7 @@ def test_silhouettes_of_different_objects_are_not_explained():
             "left": silhouette(cast(views["left"], centre + left)),
             "right": silhouette(cast(views["right"], centre + right)),
         }
-        located = locate_cylinder(views, silhouettes, GLASS)
+        located = locate(views, silhouettes, GLASS)
         assert located is None or located.overlap < 0.5
 
 
@@ -178,16 +184,16 @@ def test_rays_that_meet_behind_the_cameras_locate_nothing():
         "left": silhouette(cast(views["left"], np.add(centre, (0, -0.08, 0)))),
         "right": silhouette(cast(views["right"], np.add(centre, (0, 0.08, 0)))),
     }
-    assert locate_cylinder(views, silhouettes, GLASS) is None
+    assert locate(views, silhouettes, GLASS) is None
 
 
 def test_three_cameras_serve_and_one_without_a_silhouette_does_not_count():
     centre = PLACES[0]
     views = {**eyes(centre), "side": looking((-0.3, -0.4, 0.3), centre)}
     silhouettes = seen(views, centre)
-    assert off(locate_cylinder(views, silhouettes, GLASS), centre) < 0.001
+    assert off(locate(views, silhouettes, GLASS), centre) < 0.001
     del silhouettes["left"]
-    assert off(locate_cylinder(views, silhouettes, GLASS), centre) < 0.001
+    assert off(locate(views, silhouettes, GLASS), centre) < 0.001
 
 
 def test_fewer_than_two_silhouettes_is_an_error():
@@ -199,7 +205,7 @@ def test_fewer_than_two_silhouettes_is_an_error():
         {"left": silhouettes["left"], "tail": silhouettes["right"]},
     ):
         with pytest.raises(ArgumentError, match="silhouettes: at least two"):
-            locate_cylinder(views, few, GLASS)
+            locate(views, few, GLASS)
 
 
 @pytest.mark.parametrize("corner", [(318, 100), (-2, 100), (100, 236), (100, -1)])
@@ -212,7 +218,7 @@ def test_a_silhouette_that_is_empty_or_sticks_out_of_its_image_is_named(corner):
         Silhouette(np.zeros((5, 5), bool), (100, 100), centroid, 0.5),
     ):
         with pytest.raises(ArgumentError, match=r"silhouettes\['right'\]"):
-            locate_cylinder(views, {**silhouettes, "right": wrong}, GLASS)
+            locate(views, {**silhouettes, "right": wrong}, GLASS)
 
 
 @pytest.mark.parametrize(
@@ -229,6 +235,165 @@ def test_a_silhouette_that_is_empty_or_sticks_out_of_its_image_is_named(corner):
 def test_a_cylinder_without_size_is_refused(radius, height, name, error):
     with pytest.raises(error, match=name):
         Cylinder(radius, height)
+
+
+# Projections that know pixels only, and may err.
+
+
+def test_pixels_are_all_that_locating_needs():
+    """The starts differ, and so may the last step of 0.1 mm."""
+    for centre in PLACES[:5]:
+        views = eyes(centre)
+        for hide in (lambda mask, name: None, lower_third):
+            silhouettes = seen(views, centre, hide=hide)
+            located, posed = (
+                locate(views, silhouettes, through=through) for through in (Poseless, lambda known: known)
+            )
+            np.testing.assert_allclose(located.centre, posed.centre, atol=2e-4)
+            assert located.overlap == pytest.approx(posed.overlap, abs=0.01)
+
+
+class HalfBlind(Poseless):
+    """Has no pixels for points beyond a plane."""
+
+    def __init__(self, projection, beyond):
+        super().__init__(projection)
+        self._beyond = beyond
+
+    def project(self, points, joints=None):
+        lost = np.asarray(points)[:, 1] > self._beyond
+        return {name: np.where(lost[:, None], np.nan, p) for name, p in super().project(points).items()}
+
+
+def test_no_cylinder_is_located_where_a_part_of_it_has_no_pixels():
+    """A hull of the remaining points would be an outline, of something else."""
+    centre = PLACES[0]
+    views = eyes(centre)
+    silhouettes = seen(views, centre)
+    for beyond in (centre[1] + 0.03, centre[1], centre[1] - 0.03):
+        located = locate(views, silhouettes, through=lambda known, b=beyond: HalfBlind(known, b))
+        if located is not None and located.explained > 0.0:
+            assert located.centre[1] + GLASS.radius <= beyond
+            assert located.overlap < 0.9
+
+
+@pytest.mark.parametrize("k1", [-0.3, 0.25])
+def test_a_lens_bends_sides_by_less_than_it_matters(k1):
+    """Of sides that a lens bends the hull of the rims loses a sliver, half a pixel wide at most."""
+    camera = Camera(320, 240, 257.34, 257.34, 160.0, 120.0, (k1, 0.08 if k1 < 0 else 0.0, 0.0, 0.0))
+    errors = []
+    for centre in PLACES[:6]:
+        views = {n: PosedCamera(camera, v.pose) for n, v in eyes(np.add(centre, (0.0, 0.16, 0.0))).items()}
+        silhouettes = seen(views, centre)
+        for name, view in views.items():
+            truth = silhouettes[name].paint((240, 320))
+            drawn = filled(outline(view, centre, GLASS), (240, 320))
+            assert np.count_nonzero(drawn != truth) < 0.01 * truth.sum()
+        errors.append(off(locate(views, silhouettes), centre))
+    assert np.median(errors) < 0.001 and max(errors) < 0.003
+
+
+def test_a_known_level_turns_centimetres_into_millimetres():
+    """4 pixels to and fro are 5 cm of depth by disparity; across the table they are a few millimetres."""
+    free, level = [], []
+    for centre in PLACES[:6]:
+        views = eyes(centre)
+        silhouettes = seen(views, centre)
+        options = {"through": lambda known: Shifted(known, left=(2.0, 1.0), right=(-2.0, -1.0)), "slack": 3.0}
+        free.append(off(locate(views, silhouettes, **options), centre))
+        known = locate(views, silhouettes, level=centre[2], **options)
+        assert known.centre[2] == centre[2]
+        assert known.explained > 0.97
+        level.append(off(known, centre))
+    assert np.median(free) > 0.02
+    assert np.median(level) < 0.006 and max(level) < 0.008
+
+
+def test_with_a_right_projection_a_level_changes_little_and_a_wrong_one_is_noticed():
+    centre = PLACES[1]
+    views = eyes(centre)
+    silhouettes = seen(views, centre)
+    assert off(locate(views, silhouettes, level=centre[2]), centre) < 0.001
+    wrong = locate(views, silhouettes, level=centre[2] - 0.06)
+    assert wrong.centre[2] == centre[2] - 0.06
+    assert wrong.overlap < 0.9
+
+
+def test_a_partly_hidden_one_stays_at_its_level():
+    errors = []
+    for centre in PLACES[:6]:
+        views = eyes(centre)
+        located = locate(views, seen(views, centre, hide=lower_third), level=centre[2])
+        assert located.centre[2] == centre[2]
+        errors.append(off(located, centre))
+    assert np.median(errors) < 0.004 and max(errors) < 0.008
+
+
+def test_slack_forgives_as_many_pixels_as_it_says_and_no_more():
+    """Eyes that disagree by 2 x 3 pixels in height cannot both be right."""
+    centre = PLACES[2]
+    views = eyes(centre)
+    silhouettes = seen(views, centre)
+
+    def judged(slack):
+        through = lambda known: Shifted(known, left=(0.0, 3.0), right=(0.0, -3.0))  # noqa: E731
+        return locate(views, silhouettes, through=through, slack=slack)
+
+    strict, half, full = judged(0.0), judged(1.5), judged(3.0)
+    assert strict.overlap < half.overlap < 0.95
+    assert full.explained == 1.0 and full.visible == full.overlap > 0.975
+
+
+def test_slack_does_not_explain_other_things():
+    """A glass is not taken for a smaller one, nearer, nor two glasses for one: see the limits of a report."""
+    centre = np.array([-0.36, 0.05, 0.0])
+    views = eyes(centre)
+    large = seen(views, centre)
+    assert locate(views, large, Cylinder(0.014, 0.056), slack=3.0).explained < 0.6
+    apart = {"left": large["left"], "right": silhouette(cast(views["right"], np.add(centre, (0, 0, 0.12))))}
+    located = locate(views, apart, slack=3.0)
+    assert located is None or located.overlap < 0.5
+
+
+def test_without_slack_the_judgement_is_that_of_the_pixels():
+    """Intersection over union and both fractions, counted with masks."""
+    centre = PLACES[3]
+    views = eyes(centre)
+    silhouettes = seen(views, centre, hide=half_in_the_left_eye)
+    located = locate(views, silhouettes)
+    overlap, explained, visible = [], [], []
+    for name, view in views.items():
+        drawn = filled(outline(view, located.centre, GLASS), (240, 320))
+        there = silhouettes[name].paint((240, 320))
+        common = np.count_nonzero(drawn & there)
+        overlap.append(common / np.count_nonzero(drawn | there))
+        explained.append(common / there.sum())
+        visible.append(common / drawn.sum())
+    for ours, theirs in (
+        (located.overlap, overlap),
+        (located.explained, explained),
+        (located.visible, visible),
+    ):
+        assert ours == pytest.approx(min(theirs), abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"slack": -1.0}, ArgumentError),
+        ({"slack": np.nan}, ArgumentError),
+        ({"slack": np.inf}, ArgumentError),
+        ({"slack": "much"}, ArgumentTypeError),
+        ({"level": np.nan}, ArgumentError),
+        ({"level": [0.0, 0.1]}, ArgumentError),
+        ({"level": "table"}, ArgumentTypeError),
+    ],
+    ids=str,
+)
+def test_a_level_or_slack_that_is_none_is_named(options, error):
+    views = eyes(PLACES[0])
+    with pytest.raises(error, match=next(iter(options))):
+        locate(views, seen(views, PLACES[0]), **options)
 
 
 def filled(polygon, shape):
@@ -283,4 +448,4 @@ def test_silhouettes_that_a_lens_reaches_from_nowhere_give_no_position():
         name: PosedCamera(camera, transform(np.eye(3), (x, 0.0, 0.0)))
         for name, x in {"left": 0.0, "right": 0.068}.items()
     }
-    assert locate_cylinder(views, dict.fromkeys(views, corner), GLASS) is None
+    assert locate(views, dict.fromkeys(views, corner), GLASS) is None

@@ -211,12 +211,13 @@ def test_reach_sums_up_verdicts(icub, monkeypatch):
             Verdict("not found", "no glass", False, None, None, ()),
         ]
     )
-    seeds = []
+    seeds, seen_by, projection = [], [], object()
 
     class ScriptedTrial:
         def __init__(self, robot, seed, **options):
             seeds.append(seed)
             assert not options["settings"].compare
+            seen_by.append((options["projection"], options["settings"].slack))
             self.task = SimpleNamespace(run=lambda: iter(()))
 
         def __enter__(self):
@@ -229,7 +230,8 @@ def test_reach_sums_up_verdicts(icub, monkeypatch):
             return next(verdicts)
 
     monkeypatch.setattr(reaches, "Trial", ScriptedTrial)
-    result = evaluate_reach(icub, trials=4, seed=7)
+    result = evaluate_reach(icub, trials=4, seed=7, projection=projection, slack=3.0)
+    assert seen_by == [(projection, 3.0)] * 4
     assert seeds == [[7, 0], [7, 1], [7, 2], [7, 3]]
     assert (result["reached"], result["refused"], result["not_found"]) == (1, 1, 1)
     assert result["collisions"] == 1

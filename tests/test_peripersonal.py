@@ -7,6 +7,7 @@ import pytest
 
 from motorprime import KinematicProjection, PinholeProjection, ReachCloud, fit_gaussian, fit_peripersonal
 from motorprime.errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
+from motorprime.peripersonal import moments
 from small_robot import PALM_FRAME, reference_pose, small_robot
 
 sim = pytest.mark.sim
@@ -237,3 +238,123 @@ def test_the_icub_that_looks_down_has_its_reach_in_view_and_looking_up_has_not(i
     assert fits["right"].mean[0] < fits["left"].mean[0] - 10
     with pytest.raises(NotInViewError, match="look elsewhere"):
         fit_peripersonal(cloud, projection, up)
+
+
+# A tool in the hand, and babbling that was stored.
+
+STICK = np.eye(4)
+STICK[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+STICK[0, 3] = 0.2
+
+
+def test_a_stick_s_cloud_is_the_palm_s_moved_along_each_posture_s_fingers(robot):
+    """Its tip is 20 cm along the palm's x axis, whichever way the palm points, so it reaches farther."""
+    palm, tip = (ReachCloud(robot, size=60, seed=4, tool=tool).points for tool in (None, STICK))
+    draws = np.random.default_rng(4).uniform((-2.0, 0.2), (0.5, 2.0), (60, 2))
+    for before, after, (shoulder, elbow) in zip(palm, tip, draws, strict=True):
+        pose = reference_pose("chest", "hand", {"shoulder": shoulder, "elbow": elbow}) @ PALM_FRAME
+        np.testing.assert_allclose(after, before + 0.2 * pose[:3, 0], atol=1e-9)
+    shoulder = reference_pose("chest", "upper", {})[:3, 3]
+    assert np.linalg.norm(tip - shoulder, axis=1).max() > np.linalg.norm(palm - shoulder, axis=1).max() + 0.15
+
+
+def test_no_tool_is_a_tool_of_no_length(robot):
+    np.testing.assert_allclose(
+        ReachCloud(robot, size=60, tool=np.eye(4)).points, ReachCloud(robot, size=60).points, atol=1e-15
+    )
+
+
+@pytest.mark.parametrize(
+    ("tool", "error"),
+    [
+        (np.eye(3), ArgumentError),
+        (np.full((4, 4), np.nan), ArgumentError),
+        (2.0 * np.eye(4), ArgumentError),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), ArgumentError),
+        (np.eye(4) + np.eye(4)[[3, 0, 1, 2]] * 0.2, ArgumentError),
+        (STICK.T, ArgumentError),
+        ("stick", ArgumentTypeError),
+    ],
+)
+def test_a_tool_that_is_no_rigid_motion_is_named(robot, tool, error):
+    with pytest.raises(error, match="tool"):
+        ReachCloud(robot, size=60, tool=tool)
+
+
+def test_a_cloud_of_stored_babbling_holds_its_own_copy_and_moves_with_the_torso(robot):
+    points = ReachCloud(robot, size=60, seed=9).points
+    cloud = ReachCloud.from_points(robot, points)
+    posture = [0.1, 0.7, 0.0, 0.2]
+    expected = ReachCloud(robot, size=60, seed=9).in_root(posture)
+    points[:] = 0.0
+    np.testing.assert_array_equal(cloud.in_root(posture), expected)
+
+
+@pytest.mark.parametrize(
+    ("points", "error"),
+    [
+        (np.zeros((49, 3)), ArgumentError),
+        (np.zeros((3, 60)), ArgumentError),
+        (np.full((60, 3), np.inf), ArgumentError),
+        (np.full((60, 3), np.nan), ArgumentError),
+        ([["a", "b", "c"]] * 60, ArgumentTypeError),
+    ],
+)
+def test_stored_babbling_that_is_no_cloud_is_named(robot, points, error):
+    with pytest.raises(error, match="points"):
+        ReachCloud.from_points(robot, points)
+
+
+# Projections that know of no depths, and many clouds at once.
+
+
+class Depthless(PinholeProjection):
+    """Pixels without depths, as a learned projection gives them: NaN where it sees nothing."""
+
+    def depths(self, points, joints=None):
+        raise StateError("no depths here")
+
+
+def test_without_depths_the_points_that_have_pixels_are_fitted():
+    points = np.random.default_rng(2).normal((0.02, -0.01, 0.5), (0.04, 0.02, 0.02), (400, 3))
+    points[:100, 2] = -0.5
+    cameras = {"front": looking(), "back": looking(away=True, shift=9.0)}
+    without = fit_peripersonal(Standing(points), Depthless(cameras, SHAPE), None)
+    assert list(without) == ["front"]
+    known = fit_peripersonal(Standing(points), PinholeProjection(cameras, SHAPE), None)
+    np.testing.assert_array_equal(without["front"].mean, known["front"].mean)
+    np.testing.assert_array_equal(without["front"].chol, known["front"].chol)
+    assert without["front"].inside == 300
+
+
+def test_many_clouds_at_once_are_fitted_as_one_by_one():
+    rng = np.random.default_rng(6)
+    pixels = rng.normal((150.0, 100.0), (200.0, 150.0), (3, 5, 200, 2))
+    pixels[0, 0, :90] = np.nan
+    depths = rng.uniform(0.0, 0.4, (3, 5, 200))
+    means, chols, inside = moments(pixels, depths, SHAPE)
+    assert means.shape == (3, 5, 2) and chols.shape == (3, 5, 3) and inside.shape == (3, 5)
+    for at in np.ndindex(3, 5):
+        one = fit_gaussian(pixels[at], depths[at], SHAPE) if inside[at] >= 50 else None
+        offset = np.abs(pixels[at] - (159.5, 119.5)) <= (480.0, 360.0)
+        kept = pixels[at][offset.all(axis=1) & (depths[at] > 0.05)]
+        factor = np.linalg.cholesky(np.cov(kept.T))
+        np.testing.assert_allclose(means[at], kept.mean(axis=0), atol=1e-9)
+        np.testing.assert_allclose(chols[at], factor[[0, 1, 1], [0, 0, 1]], rtol=1e-6)
+        if one is not None:
+            np.testing.assert_allclose(one.mean, means[at], atol=1e-9)
+            assert one.inside == inside[at]
+
+
+def test_a_cloud_on_a_line_across_a_large_image_still_gives_a_factor():
+    """Rounding must not make a variance of nothing negative."""
+    along = np.random.default_rng(1).uniform(-3000.0, 3000.0, (4000, 1))
+    for slope in (0.37, -0.9, 1e-3):
+        line = (1919.5, 1079.5) + along * (1.0, slope)
+        fit = fit_gaussian(line, None, (2160, 3840))
+        assert np.isfinite(fit.chol).all() and fit.chol[0] > 0 and fit.chol[2] > 0
+
+
+def test_no_point_that_counts_gives_nan_and_none_inside():
+    means, chols, inside = moments(np.full((2, 60, 2), np.nan), None, SHAPE)
+    assert np.isnan(means).all() and np.isnan(chols).all() and not inside.any()

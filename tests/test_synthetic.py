@@ -11,12 +11,13 @@ from motorprime import Camera, KinematicProjection
 from motorprime.errors import ArgumentError, ArgumentTypeError, StateError
 from motorprime.learning.synthetic import draw_samples, palm_points
 from motorprime.robot import CameraMount
-from small_robot import PALM_FRAME, reference_pose, small_robot, turn
+from small_robot import PALM_FRAME, reference_pose, turn
+from watching_robot import watching_robot
 
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory):
-    return small_robot(tmp_path_factory.mktemp("robot"))
+    return watching_robot(tmp_path_factory.mktemp("robot"))
 
 
 def elsewhere(robot):
@@ -75,9 +76,11 @@ def test_with_the_arm_the_joints_say_where_the_real_hand_is(robot):
     nominal = palm_points(robot, samples.columns(robot.gaze), samples.columns(robot.arm))
     np.testing.assert_allclose(np.linalg.norm(places - nominal, axis=1), 0.04, atol=1e-9)
     projection = KinematicProjection(real)
-    for k in np.flatnonzero(samples.seen("right")):
-        uv = projection.project(places[[k]], samples.joints[k, :4])["right"][0]
-        np.testing.assert_allclose(samples.pixels["right"][k], uv, atol=1e-9)
+    for name in samples.cameras:
+        assert samples.seen(name).sum() > 5
+        for k in np.flatnonzero(samples.seen(name)):
+            uv = projection.project(places[[k]], samples.joints[k, :4])[name][0]
+            np.testing.assert_allclose(samples.pixels[name][k], uv, atol=1e-9)
 
 
 def test_the_palm_is_where_a_second_kinematics_puts_it(robot):

@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
-from motorprime import Camera, Error, Everywhere, HistogramDetector, PosedCamera, Windows
+from motorprime import Camera, Error, Everywhere, HistogramDetector, PinholeProjection, PosedCamera, Windows
 from motorprime.attention import Look
 from motorprime.cylinder import Cylinder, outline
 from motorprime.landscape import gaussian_landscape
 from motorprime.tasks.cycle import Settings
 from motorprime.tasks.explore import Finder, Target, everywhere, windows_anywhere, windows_from
 from motorprime.tasks.timing import Stages
+from motorprime.views import Views
 from painted_body import inside
+from poseless import Poseless, Shifted
 
 CAMERA = Camera(width=320, height=240, fx=257.34, fy=257.34, cx=160.0, cy=120.0)
 GLASS = Cylinder(0.0325, 0.10)
@@ -19,16 +21,20 @@ RED, GREY, BLUE = (204, 15, 23), (120, 118, 116), (30, 60, 180)
 NOWHERE = Windows(np.zeros((0, 2), np.int32), 20)
 
 
-def views():
+def posed():
     """Two eyes that look forward (the root's -x) and 20 degrees down, 68 mm apart."""
     c, s = np.cos(np.deg2rad(20.0)), np.sin(np.deg2rad(20.0))
-    posed = {}
+    eyes = {}
     for name, y in (("left", -0.034), ("right", 0.034)):
         pose = np.eye(4)
         pose[:3, :3] = np.column_stack([[0.0, 1.0, 0.0], [s, 0.0, -c], [-c, 0.0, -s]])
         pose[:3, 3] = 0.0, y, 0.0
-        posed[name] = PosedCamera(CAMERA, pose)
-    return posed
+        eyes[name] = PosedCamera(CAMERA, pose)
+    return eyes
+
+
+def views(through=lambda projection: projection):
+    return Views(through(PinholeProjection(posed())))
 
 
 def picture(*shapes):
@@ -39,16 +45,20 @@ def picture(*shapes):
     return image
 
 
+def rng_of(seed):
+    return np.random.default_rng(seed)
+
+
 def box(u, v, width, height):
     return [(u, v), (u + width, v), (u + width, v + height), (u, v + height)]
 
 
 def glass_in(name, *others):
-    return picture((outline(views()[name], CENTRE, GLASS), RED), *others)
+    return picture((outline(posed()[name], CENTRE, GLASS), RED), *others)
 
 
 def pixel_of(name):
-    return views()[name].project(CENTRE[None])[0]
+    return posed()[name].project(CENTRE[None])[0]
 
 
 def both():
@@ -162,7 +172,7 @@ def test_a_distractor_in_one_eye_does_not_move_the_report(finder):
 
 
 def test_other_colours_are_no_hits(finder):
-    images = {name: picture((outline(views()[name], CENTRE, GLASS), BLUE)) for name in ("left", "right")}
+    images = {name: picture((outline(posed()[name], CENTRE, GLASS), BLUE)) for name in ("left", "right")}
     sight = finder.look(images, views(), everywhere({"left": (240, 320), "right": (240, 320)}))
     assert sight.located is None
     assert not any(finder.memory.values())
@@ -176,6 +186,76 @@ def test_the_images_are_left_alone(finder):
     finder.look(images, views(), {"left": at("left"), "right": at("right")})
     for name, image in images.items():
         np.testing.assert_array_equal(image, copies[name])
+
+
+# A camera that has no landscape of its own.
+
+REACHABLE = np.random.default_rng(5).uniform((-0.5, -0.2, -0.25), (-0.25, 0.2, 0.0), (1000, 3))
+KNOWN = pytest.mark.parametrize("through", [lambda known: known, Poseless], ids=["posed", "pixels only"])
+
+
+@KNOWN
+def test_a_hit_in_one_eye_tells_the_other_where_to_look(finder, through):
+    """The line goes through the glass, along where the reachable places of that pixel are; nowhere else."""
+    seen = views(through)
+    finder.look(both(), seen, {"left": at("left"), "right": NOWHERE})
+    own = looks(left=(100.0, 80.0))
+    completed = finder.complete(own, seen, lambda: REACHABLE)
+    assert set(completed) == {"left", "right"} and completed["left"] is own["left"]
+    u, v = np.rint(pixel_of("right")).astype(int)
+    line = completed["right"].landscape
+    assert line[v, u] > 0.5 * line.max()
+    assert not line[:20].any() and not line[-20:].any()
+    assert not line[:, : u - 120].any()
+    sight = finder.look(both(), seen, windows_from({"right": completed["right"]}, 50, 20, rng_of(1)))
+    np.testing.assert_allclose(sight.located.centre, CENTRE, atol=2e-3)
+
+
+@KNOWN
+def test_the_line_is_as_deep_as_the_places(finder, through):
+    """Nearer places lie farther to the left in the right eye."""
+    seen = views(through)
+    finder.look(both(), seen, {"left": at("left"), "right": NOWHERE})
+    middles = []
+    for factor in (0.6, 1.0, 1.6):
+        line = finder.complete({}, seen, lambda f=factor: f * REACHABLE)["right"].landscape
+        middles.append(np.average(np.arange(320), weights=line.sum(axis=0)))
+    assert middles[0] < middles[1] - 10 and middles[1] < middles[2] - 5
+
+
+def test_there_is_nothing_to_complete_without_a_hit_or_with_a_landscape(finder):
+    def never():
+        pytest.fail("nobody needs the places")
+
+    assert finder.complete({}, views(), never) == {}
+    finder.look(both(), views(), {"left": at("left"), "right": at("right")})
+    there = looks(left=(100.0, 80.0), right=(100.0, 80.0))
+    assert finder.complete(there, views(), never) == there
+
+
+@KNOWN
+def test_places_that_nobody_sees_make_no_line(finder, through):
+    seen = views(through)
+    finder.look(both(), seen, {"left": at("left"), "right": NOWHERE})
+    assert finder.complete({}, seen, lambda: -REACHABLE) == {}
+    assert finder.complete({}, seen, lambda: REACHABLE[:0]) == {}
+
+
+# A projection that errs.
+
+
+def test_the_finder_passes_level_and_slack_on(finder):
+    """Taken as it is, 3 pixels of disparity are 3 cm of depth; on a table of known height they are not."""
+    seen = views(lambda known: Shifted(known, left=(1.5, 1.0), right=(-1.5, -1.0)))
+    scan = everywhere(seen.shapes)
+    strict, loose, level = (
+        Finder(finder.target, **options).look(both(), seen, scan).located
+        for options in ({}, {"slack": 2.0}, {"slack": 2.0, "level": CENTRE[2]})
+    )
+    assert strict.overlap < 0.95 < 0.97 < loose.overlap
+    assert np.linalg.norm(loose.centre - CENTRE) > 0.015
+    assert level.centre[2] == CENTRE[2]
+    assert np.linalg.norm(level.centre - CENTRE) < 6e-3
 
 
 # Where the windows fall.
@@ -247,6 +327,8 @@ def test_stages_add_up_by_the_clock_that_is_passed():
         {"mixing": 1.5},
         {"mixing": float("nan")},
         {"width": 0.0},
+        {"slack": -1.0},
+        {"slack": float("nan")},
         {"width": float("inf")},
     ],
     ids=str,

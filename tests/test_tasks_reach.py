@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from motorprime import ArgumentTypeError, Attention, Error, KinematicProjection
+from motorprime import ArgumentError, Attention, Error, KinematicProjection, PinholeProjection
 from motorprime.control.reaching import HAND, STANDOFF
 from motorprime.kinematics import apply
 from motorprime.sim.cameras import Eyes
@@ -19,7 +19,8 @@ from motorprime.tasks.reach import PERIOD, Reach
 from motorprime.tasks.simulated import SimulatedBody
 from motorprime.tasks.staging import Stage, strike_start, target_of
 from motorprime.tasks.trial import BENCH, TOLERANCE, Trial
-from painted_body import BEYOND, IN_REACH, PaintedBody, target
+from painted_body import BEYOND, GLASS, IN_REACH, PaintedBody, target
+from poseless import Poseless, Wavy
 
 pytestmark = pytest.mark.sim
 
@@ -27,9 +28,9 @@ SEED = 2
 QUICK = Settings(compare=False)
 
 
-def painted(robot, cloud, glass=IN_REACH, *, seed=1, settings=QUICK, **options):
+def painted(robot, cloud, glass=IN_REACH, *, seed=1, settings=QUICK, through=lambda known: known, **options):
     body = PaintedBody(robot, glass)
-    attention = Attention(KinematicProjection(robot), cloud=cloud)
+    attention = Attention(through(KinematicProjection(robot)), cloud=cloud)
     return Reach(body, target(), attention, BENCH, settings=settings, seed=seed, **options)
 
 
@@ -165,10 +166,45 @@ def test_it_may_be_stopped_at_any_cycle(icub, cloud):
     assert task.outcome == "running"
 
 
-def test_a_projection_without_poses_is_refused(icub, cloud):
-    flat = SimpleNamespace(shapes={"left": (240, 320)}, project=None, depths=None)
-    with pytest.raises(ArgumentTypeError, match="projection with camera poses"):
-        Reach(PaintedBody(icub), target(), Attention(flat, cloud=cloud), BENCH)
+def test_it_reaches_with_pixels_alone(icub, cloud):
+    """By a projection that knows neither poses nor depths it does what it does with them."""
+    task = painted(icub, cloud, through=Poseless)
+    list(task.run())
+    assert (task.outcome, task.reason) == ("reached", "")
+    np.testing.assert_allclose(task.estimate, IN_REACH, atol=4e-3)
+    palm = task.solver.palm(task.body.read(task.solver.names))
+    assert np.linalg.norm(palm[:3, 3] - task.pregrasp.point(IN_REACH)) < TOLERANCE
+
+
+@pytest.mark.parametrize("wave", range(2))
+def test_a_projection_that_errs_by_pixels_costs_millimetres_when_that_is_known(icub, cloud, wave):
+    """4 pixels of smooth error, another one in each eye: where the glass stands on is known better."""
+    task = painted(
+        icub,
+        cloud,
+        through=lambda known: Wavy(known, 4.0, len(icub.gaze), seed=wave),
+        settings=replace(QUICK, slack=4.0),
+    )
+    list(task.run())
+    assert (task.outcome, task.reason) == ("reached", "")
+    assert task.estimate[2] == pytest.approx(IN_REACH[2], abs=1e-12)
+    assert np.linalg.norm(task.estimate - IN_REACH) < 0.02
+    palm = task.solver.palm(task.body.read(task.solver.names))
+    assert np.linalg.norm(palm[:3, 3] - task.pregrasp.point(IN_REACH)) < 0.02
+
+
+def test_the_target_is_taken_to_stand_on_the_bench_only_where_the_projection_errs(icub, cloud):
+    exact, erring = (painted(icub, cloud, settings=replace(QUICK, slack=slack)) for slack in (0.0, 2.0))
+    assert (exact.finder.level, exact.finder.slack) == (None, 0.0)
+    assert (erring.finder.level, erring.finder.slack) == (BENCH.height + GLASS.height / 2, 2.0)
+
+
+def test_a_projection_to_other_images_is_refused(icub, cloud):
+    larger = KinematicProjection(icub.with_image_size(640, 480))
+    one_eyed = PinholeProjection({"left": np.eye(3, 4)}, (240, 320))
+    for projection in (larger, one_eyed):
+        with pytest.raises(ArgumentError, match=r"attention: .* of robot 'iCub' expected"):
+            Reach(PaintedBody(icub), target(), Attention(projection, cloud=cloud), BENCH)
 
 
 # In physics.

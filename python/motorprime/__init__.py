@@ -31,6 +31,7 @@ from .landscape import (
 )
 from .motorplan import motorplan_landscape
 from .peripersonal import ReachCloud, fit_gaussian, fit_peripersonal
+from .peripersonal_model import PeripersonalModel
 from .projection import KinematicProjection, PinholeProjection, PosedProjection, Projection
 from .robot import ICUB, Robot
 from .step import Attended, attention_step
@@ -55,6 +56,7 @@ __all__ = [
     "MissingExtraError",
     "Mlp",
     "NotInViewError",
+    "PeripersonalModel",
     "PinholeProjection",
     "PosedCamera",
     "PosedProjection",

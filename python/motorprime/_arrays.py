@@ -81,6 +81,14 @@ def positive(name: str, value: npt.ArrayLike) -> float:
     return number
 
 
+def not_negative(name: str, value: npt.ArrayLike) -> float:
+    """Return ``value`` as a finite float >= 0."""
+    number = float(fixed(name, value, ()))
+    if number < 0.0:
+        raise ArgumentError(f"{name}: expected a number >= 0, got {number}")
+    return number
+
+
 def generator(seed: int | np.random.Generator | None) -> np.random.Generator:
     """NumPy's generator of a seed: an int >= 0, a generator, which is used as it is, or None."""
     if seed is not None and not isinstance(seed, np.random.Generator):

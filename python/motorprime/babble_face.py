@@ -22,7 +22,7 @@ from .learning.store import Store
 if TYPE_CHECKING:
     from .tasks.babble import View
 
-KINDS = ("gaze", "arm")
+KINDS = ("gaze", "arm", "marker")
 SHOWN = 12  # samples of the picture
 _RED, _BLUE, _GREY = (210, 30, 30), (30, 60, 220), (110, 110, 110)
 
@@ -72,16 +72,18 @@ def _source(options: BabbleOptions) -> Source:
     robot = load_icub()
     if options.what == "arm":
         return ArmBabble(robot)
-    from .tasks.babble import GazeBabble
+    from .tasks.babble import GazeBabble, MarkerBabble
 
+    if options.what == "marker":
+        return MarkerBabble(robot, robot, mode=options.mode, noise=options.noise)
     return GazeBabble(robot, mode=options.mode, noise=options.noise)
 
 
 def _close(what: str) -> None:
     if what != "arm":
-        from .tasks.babble import close_rig
+        from .tasks.studio import close_studio
 
-        close_rig()
+        close_studio()
 
 
 def _fill(store: Store, source: Source, options: BabbleOptions, console: Console) -> dict[str, Any]:

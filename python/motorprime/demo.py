@@ -14,8 +14,11 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from . import shipped
 from .errors import ArgumentError
+from .projection import KinematicProjection, NeuralProjection, Projection
 from .recording import Recording, fresh_folder
+from .robot import Robot
 from .sim.bystander import Bystander
 from .sim.icub import load_icub
 from .tasks.cycle import Cycle, Settings
@@ -41,6 +44,7 @@ class ReachOptions:
     glass_at: tuple[float, float] | None
     video: bool
     gui: bool
+    projection: str = "kinematic"
 
 
 def run_reach(options: ReachOptions, console: Console) -> dict[str, Any]:
@@ -58,13 +62,15 @@ def run_reach(options: ReachOptions, console: Console) -> dict[str, Any]:
 
 
 def _run_into(folder: Path, options: ReachOptions, console: Console) -> dict[str, Any]:
-    settings = Settings(windows=options.windows, size=WINDOW, width=options.width)
     console.print(f"Building the scene from seed {options.seed} ...", highlight=False)
     robot = load_icub().with_image_size(*options.size)
+    projection = projection_of(robot, options.projection)
+    settings = Settings(windows=options.windows, size=WINDOW, width=options.width, slack=slack_of(projection))
     with Trial(
         robot,
         options.seed,
         settings=settings,
+        projection=projection,
         glass=options.glass,
         glass_at=options.glass_at,
         clutter=options.clutter,
@@ -87,6 +93,27 @@ def _run_into(folder: Path, options: ReachOptions, console: Console) -> dict[str
         console.print("Interrupted; the run's folder says so.", style="yellow")
     console.print(f"Report: {recording.report}", markup=False, highlight=False, soft_wrap=True)
     return result
+
+
+def projection_of(robot: Robot, kind: str) -> Projection:
+    """The projection by which the robot is to see: 'kinematic', or 'neural' or 'hybrid' as shipped.
+
+    Raises:
+        ArgumentError: another kind.
+        StateError: this installation lacks the weights.
+    """
+    if kind == "kinematic":
+        return KinematicProjection(robot)
+    if kind not in ("neural", "hybrid"):
+        raise ArgumentError(f"projection: 'kinematic', 'neural' or 'hybrid' expected, got {kind!r}")
+    return shipped.neural_projection(robot) if kind == "neural" else shipped.hybrid_projection(robot)
+
+
+def slack_of(projection: Projection) -> float:
+    """How far [px] a projection may be off: the networks' own median errors, the largest; else 0."""
+    if isinstance(projection, NeuralProjection):
+        return max(part.error for part in projection.learned.values())
+    return 0.0
 
 
 def _drive_to_the_end(trial: Trial, recording: Recording, console: Console) -> bool:

@@ -21,6 +21,7 @@ from .learning.store import Store
 from .projection.neural import NeuralProjection, inputs_of
 from .report import check_plots
 from .report.maps import errors_shot, grid_shot, learned_shot, training_shot
+from .report.picture import check_picture, save_picture
 from .report.sheet import Section, Sheet, write_sheet
 from .samples import Samples
 
@@ -89,6 +90,55 @@ def run_train(options: TrainOptions, console: Console) -> dict[str, Any]:
     if options.report is not None:
         _write_report(options, samples, projection, lessons, found, result)
         console.print(f"Report: {options.report}", markup=False, highlight=False, soft_wrap=True)
+    return result
+
+
+@dataclass(frozen=True)
+class PeripersonalOptions:
+    """What ``motorprime train peripersonal`` was asked for; see its ``--help``."""
+
+    output: Path
+    postures: int
+    hidden: tuple[int, ...]
+    iterations: int
+    restarts: int
+    seed: int
+    picture: Path | None
+
+
+def run_train_peripersonal(options: PeripersonalOptions, console: Console) -> dict[str, Any]:
+    """Train, save, judge on unseen postures, print the closing table and return its figures.
+
+    Raises:
+        ArgumentError: an option that makes no sense, or too few postures.
+    """
+    from .evaluate.peripersonal_figures import evaluate_peripersonal
+    from .learning.peripersonal import learn_peripersonal
+    from .sim.icub import load_icub
+
+    check_writable(options.output, "out")
+    if options.picture is not None:
+        check_picture(options.picture)
+    robot = load_icub()
+    with watching(console, options.iterations) as watch:
+        model, report = learn_peripersonal(
+            robot,
+            postures=options.postures,
+            hidden=options.hidden,
+            seed=options.seed,
+            restarts=options.restarts,
+            iterations=options.iterations,
+            watch=watch,
+        )
+    model.save(options.output)
+    result = {**report, "unseen": evaluate_peripersonal(model, robot, seed=options.seed + 1)}
+    console.print(table("train peripersonal", result))
+    console.print(f"Wrote {options.output}", markup=False, highlight=False, soft_wrap=True)
+    if options.picture is not None:
+        from .evaluate.peripersonal_picture import draw_peripersonal
+
+        save_picture(draw_peripersonal(model, robot, seed=options.seed), options.picture)
+        console.print(f"Picture: {options.picture}", markup=False, highlight=False, soft_wrap=True)
     return result
 
 
@@ -163,7 +213,7 @@ def watching(console: Console, iterations: int) -> Iterator[Watch]:
 
         def watch(what: str, iteration: int, errors: Floats) -> None:
             if what not in tasks:
-                total = SIGHT_ITERATIONS if what.startswith("view") else iterations
+                total = SIGHT_ITERATIONS if what.startswith("view, ") else iterations
                 tasks[what] = bars.add_task(f"training {what}", total=total, error="")
             bars.update(tasks[what], completed=iteration, error=f"validation {errors[1]:.5f}")
 

@@ -10,9 +10,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from ..errors import ArgumentError
 from ..evaluate.common import check_writable, write_json
+from ..report.picture import check_picture
 from . import suite
 from .child import measure_in_child
-from .picture import check_picture, draw
+from .picture import draw
 from .table import STAR, disturbed, markdown, missed, sizes_table, table, two_threads
 
 BEGIN, END = "<!-- motorprime bench: begin -->", "<!-- motorprime bench: end -->"

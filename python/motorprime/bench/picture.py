@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import ArgumentError, MissingExtraError
+from ..report.picture import check_picture, save_picture
 from ..report.plots import INK, LINE, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-KINDS = (".png", ".svg")
 COPIES = (1, 10, 100, 1000)
 PEER, FLOOR = "#c2571a", "#9aa2af"
 TITLES = {
@@ -32,19 +30,6 @@ TITLES = {
 }
 
 
-def check_picture(path: Path) -> None:
-    """Raise now what :func:`draw` would raise at the end.
-
-    Raises:
-        ArgumentError: the file's name ends with something else than .png or .svg.
-        MissingExtraError: matplotlib is missing.
-    """
-    if path.suffix.lower() not in KINDS:
-        raise ArgumentError(f"picture: a file name that ends with .png or .svg expected, got {path}")
-    if importlib.util.find_spec("matplotlib") is None:
-        raise MissingExtraError("the picture (matplotlib)", "viz")
-
-
 def draw(result: Mapping[str, Any], path: Path) -> None:
     """Draw a result of the bench to a PNG or an SVG.
 
@@ -59,11 +44,7 @@ def draw(result: Mapping[str, Any], path: Path) -> None:
         kernels = result["kernels"]
         figure = Figure(figsize=(10.5, 2.1 + 0.42 * len(kernels)), layout="constrained")
         _figure(figure, kernels, result["memcpy_us"])
-        try:
-            metadata = {"Date": None} if path.suffix.lower() == ".svg" else {}
-            figure.savefig(path, dpi=150, metadata=metadata)
-        except OSError as error:
-            raise ArgumentError(f"picture: cannot write {path}: {error.strerror}") from None
+        save_picture(figure, path)
 
 
 def _figure(figure: Figure, kernels: Mapping[str, Any], copy: float) -> None:

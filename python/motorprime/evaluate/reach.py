@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..peripersonal import ReachCloud
+from ..projection import Projection
 from ..robot import Robot
 from ..sim.scene import Glass
 from ..tasks.cycle import Settings
@@ -16,9 +17,23 @@ from .common import Progress
 
 
 def evaluate_reach(
-    robot: Robot, *, trials: int = 20, seed: int = 0, progress: Progress | None = None
+    robot: Robot,
+    *,
+    trials: int = 20,
+    seed: int = 0,
+    projection: Projection | None = None,
+    slack: float = 0.0,
+    progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Run ``trials`` reaches from random starts.
+
+    Args:
+        robot: with its URDF.
+        trials: how many.
+        seed: of the series.
+        projection: by which the robot sees; its kinematics when not given.
+        slack: how far [px] that projection may be off.
+        progress: shows how far it is.
 
     Returns:
         trials, reached, refused, collisions (trials with any contact of the robot), median_error_m,
@@ -28,7 +43,10 @@ def evaluate_reach(
     cloud, target = ReachCloud(robot), target_of(Glass())
     verdicts: list[Verdict] = []
     for i in progress.over(range(trials), "reaching"):
-        with Trial(robot, [seed, i], settings=Settings(compare=False), cloud=cloud, target=target) as trial:
+        settings = Settings(slack=slack, compare=False)
+        with Trial(
+            robot, [seed, i], settings=settings, projection=projection, cloud=cloud, target=target
+        ) as trial:
             for _ in trial.task.run():
                 pass
             verdicts.append(trial.judge())

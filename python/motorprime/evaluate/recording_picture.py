@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._arrays import Floats
-from ..errors import ArgumentError
+from ..report.picture import save_picture
 from ..report.plots import INK, styled
 from .recording import Measured, Prediction, errors
 
@@ -40,10 +40,7 @@ def draw_recording(measured: Measured, path: Path) -> None:
             _places(axes, measured, camera)
         above.legend(*_legend(), loc="outside lower center", ncol=3, fontsize=9)
         _over_time(below.subplots(), measured)
-        try:
-            figure.savefig(path, dpi=130)
-        except (OSError, ValueError) as error:
-            raise ArgumentError(f"picture: cannot write {path}: {error}") from None
+        save_picture(figure, path)
 
 
 def _places(axes: Axes, measured: Measured, camera: str) -> None:

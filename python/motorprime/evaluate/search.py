@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ..attention import Attention
-from ..camera import PosedCamera
 from ..detectors import Where
 from ..errors import NotInViewError
 from ..peripersonal import ReachCloud
@@ -17,6 +16,7 @@ from ..robot import Robot
 from ..sim.scene import SMALL_GLASS, Glass, draw_layout
 from ..tasks.explore import Finder, Images, Target, everywhere, windows_anywhere, windows_from
 from ..tasks.staging import Stage, strike_seeing_posture, target_of
+from ..views import Views
 from .common import Progress
 
 WINDOWS, SIZE, MIXING = 50, 20, 0.2
@@ -74,7 +74,7 @@ def _scene(
         truth, centre = stage.truth(frames), stage.scene.glass_pose()[0]
     images: Images = {camera: frame.rgb for camera, frame in frames.items()}
     attention = Attention(stage.projection, cloud=cloud)
-    views, shapes = stage.projection.posed(joints), stage.projection.shapes
+    views, shapes = Views(stage.projection, joints), stage.projection.shapes
 
     def judge(finder: Finder, where: Callable[[], Mapping[str, Where]], cycles: int) -> Outcome:
         return _search(finder, images, views, where, cycles, truth, centre)
@@ -86,7 +86,11 @@ def _scene(
         looks = {}
     return {
         "attended": judge(
-            finder, lambda: windows_from(finder.complete(looks, views), WINDOWS, SIZE, generator), limit
+            finder,
+            lambda: windows_from(
+                finder.complete(looks, views, lambda: cloud.in_root(joints)), WINDOWS, SIZE, generator
+            ),
+            limit,
         ),
         "uniform": judge(Finder(target), lambda: windows_anywhere(shapes, WINDOWS, SIZE, generator), limit),
         "full": judge(Finder(target), lambda: everywhere(shapes), 1),
@@ -97,7 +101,7 @@ def _scene(
 def _search(
     finder: Finder,
     images: Images,
-    views: Mapping[str, PosedCamera],
+    views: Views,
     where: Callable[[], Mapping[str, Where]],
     limit: int,
     truth: Mapping[str, np.ndarray],

@@ -21,6 +21,7 @@ MARGIN = 4.0
 """What is this much [px] outside an image still counts as in view, for predictions that are not exact."""
 BATCH = 64
 ATTEMPTS = 400  # batches
+_AROUND = 16  # points of an outline
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,29 +75,33 @@ class Postures:
             "in view of a camera"
         )
 
-    def in_view(self, posture: Posture) -> dict[str, bool]:
-        """Whether each camera has the whole ball in its image, grown by the margin."""
-        seen = self._in_view(posture.gaze[None], posture.point[None])
+    def in_view(self, gaze: Floats, point: Floats) -> dict[str, bool]:
+        """Whether each camera has the whole ball round ``point`` (3,) [m] in its image and margin."""
+        seen = self._in_view(gaze[None], point[None])
         return {name: bool(value[0]) for name, value in seen.items()}
+
+    def place(self, gaze: Floats, arm: Floats) -> Floats:
+        """Where the kinematics put the point: postures (..., n) and (..., m) [rad] -> (..., 3) [m]."""
+        hands = self._chest.forward(gaze) @ self.robot.arm_chain.forward(arm)
+        places: Floats = (hands @ self._tip)[..., :3]
+        return places
 
     def _draw(self, generator: np.random.Generator, count: int) -> tuple[Floats, Floats, Floats]:
         def uniform(limits: Floats) -> Floats:
             return generator.uniform(limits[:, 0], limits[:, 1], (count, len(limits)))
 
         gaze, arm = uniform(self._gaze_limits), uniform(self._arm_limits)
-        hands = self._chest.forward(gaze) @ self.robot.arm_chain.forward(arm)
-        return gaze, arm, (hands @ self._tip)[:, :3]
+        return gaze, arm, self.place(gaze, arm)
 
     def _in_view(self, gaze: Floats, points: Floats) -> dict[str, npt.NDArray[np.bool_]]:
         seen = {}
         for name, chain in self._eyes.items():
             poses, camera = chain.forward(gaze), self.robot.cameras[name].camera
             local = np.einsum("nji,nj->ni", poses[:, :3, :3], points - poses[:, :3, 3])
-            pixels, (height, width) = camera.project(local), camera.shape
-            # Half the width and height of the ball's image, to first order in the radius.
-            half = self.radius * np.linalg.norm(camera.jacobian(local), axis=2)
+            height, width = camera.shape
+            rim = camera.project(_rim(local, self.radius).reshape(-1, 3)).reshape(-1, _AROUND, 2)
             low, high = -0.5 - MARGIN, (width - 0.5 + MARGIN, height - 0.5 + MARGIN)
-            seen[name] = ((pixels - half >= low) & (pixels + half <= high)).all(axis=1)
+            seen[name] = np.asarray(((rim >= low) & (rim <= high)).all(axis=(1, 2)))  # false for NaN
         return seen
 
     @staticmethod
@@ -113,3 +118,22 @@ class _GazeChain:
 
     def forward(self, gaze: Floats) -> Floats:
         return self._chain.forward(gaze @ self._couplings)
+
+
+def _rim(centres: Floats, radius: float) -> Floats:
+    """Points of spheres that are seen as their outlines: centres (N, 3) in the camera frame -> (N, k, 3) [m].
+
+    With d the distance and s = radius / d, rays from the origin touch the sphere at
+    (1 - s^2) C + radius sqrt(1 - s^2) (cos t a + sin t b), a and b unit vectors across C. Where the origin
+    is inside the sphere the points lie behind the camera.
+    """
+    distance = np.linalg.norm(centres, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cosine = np.sqrt(1.0 - (radius / distance) ** 2)
+        across = np.cross(centres, (0.0, 1.0, 0.0))
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        upward = np.cross(centres / distance, across)
+        turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)[:, None]
+        circle = np.cos(turn) * across[:, None] + np.sin(turn) * upward[:, None]
+        rim: Floats = (cosine**2 * centres)[:, None] + radius * cosine[:, None] * circle
+    return np.where(np.isfinite(rim).all(axis=(1, 2), keepdims=True), rim, (0.0, 0.0, -1.0))

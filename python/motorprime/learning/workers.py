@@ -9,18 +9,22 @@ from __future__ import annotations
 
 import pickle
 import signal
+import socket
 import threading
-from collections.abc import Callable, Generator, Sequence
+import warnings
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import cv2
 
 from .._arrays import integer, positive
-from ..errors import ArgumentError, Error, MissingExtraError, StateError
+from ..errors import ArgumentError, MissingExtraError, StateError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+_PAUSE = 0.02  # between two looks at the cluster [s]
 
 
 def run(
@@ -102,11 +106,14 @@ def _in_processes(
             )
             finished = parallel(joblib.delayed(task)(item) for item in items)
         try:
-            yield from finished
+            for result in finished:  # noqa: UP028 - "yield from" would close it without the filter below
+                yield result
         except BrokenProcessPool as error:
             raise StateError(f"workers: a worker process ended early: {error}") from None
         finally:
-            finished.close()
+            with warnings.catch_warnings():  # of tasks that are cancelled, which is what closing is for
+                warnings.simplefilter("ignore", UserWarning)
+                finished.close()
 
     return results()
 
@@ -122,24 +129,43 @@ def _on_cluster(
     connect: Any = distributed.Client
 
     def results() -> Generator[tuple[Item, Result], None, None]:
+        _knock(address, timeout)
         try:
             client: Any = connect(address, timeout=timeout, set_as_default=False)
-        except ValueError as error:
-            raise ArgumentError(f"scheduler: {address!r} is no address: {error}") from None
-        except (OSError, TimeoutError):
-            raise StateError(
-                f"scheduler: {address} does not answer within {timeout:g} s; does 'dask scheduler' run there?"
-            ) from None
+        except (OSError, TimeoutError) as error:
+            raise _silent(address, error) from None
         with client:
             yield from _gathered(client, _Task(function), items, address, timeout)
 
     return results()
 
 
+def _knock(address: str, timeout: float) -> None:
+    """Make sure that something listens at the address: a client that finds nobody may never end."""
+    from distributed.comm.addressing import get_address_host_port
+
+    place_of: Any = get_address_host_port
+    try:
+        place = place_of(address, strict=True)
+    except ValueError as error:
+        raise ArgumentError(f"scheduler: an address as tcp://10.0.0.1:8786 expected, got {error}") from None
+    try:
+        with socket.create_connection(place, timeout=timeout) as line:
+            if not address.startswith("tls"):
+                line.recv(1)  # the scheduler is the first to speak
+    except OSError as error:
+        raise _silent(address, error) from None
+
+
+def _silent(address: str, error: OSError) -> StateError:
+    return StateError(f"scheduler: {address} does not answer ({error}); does 'dask scheduler' run there?")
+
+
 def _gathered(
     client: Any, task: _Task[Item, Result], items: Sequence[Item], address: str, timeout: float
 ) -> Generator[tuple[Item, Result], None, None]:
     import distributed
+    from distributed.comm.core import CommClosedError
 
     try:
         client.wait_for_workers(1, timeout=timeout)
@@ -147,16 +173,38 @@ def _gathered(
         raise StateError(
             f"scheduler: {address} has no workers; start one there with 'dask worker {address}'"
         ) from None
-    as_completed: Any = distributed.as_completed
     futures = client.map(task, items, pure=False)
+    gone = (distributed.KilledWorker, distributed.CancelledError, CommClosedError)
     try:
-        for future in as_completed(futures):
-            try:
-                yield future.result()
-            except Error:
-                raise
-            except (distributed.KilledWorker, distributed.CancelledError) as error:
-                raise StateError(f"workers: the cluster gave up: {error}") from None
+        for future, result in _as_finished(client, futures, address, timeout):
+            yield result
             future.release()
+    except gone as error:
+        raise StateError(f"workers: the cluster of {address} gave up: {error}") from None
     finally:
         client.cancel(futures)
+
+
+def _as_finished(
+    client: Any, futures: Sequence[Any], address: str, timeout: float
+) -> Iterator[tuple[Any, Any]]:
+    """(future, result) as they are finished; without workers Dask would wait for them for ever."""
+    import distributed
+
+    as_completed: Any = distributed.as_completed
+    finished = as_completed(futures, loop=client.loop, with_results=True)
+    pause, waited = threading.Event(), 0.0
+    while not finished.is_empty():
+        if finished.has_ready():
+            future, result = next(finished)
+            if future.status == "cancelled":
+                raise StateError(f"scheduler: {address} is gone")
+            yield future, result
+            waited = 0.0
+            continue
+        pause.wait(_PAUSE)
+        waited += _PAUSE
+        if waited > timeout:
+            if client.status != "running" or not client.scheduler_info()["workers"]:
+                raise StateError(f"scheduler: {address} has lost all its workers, or is gone itself")
+            waited = 0.0

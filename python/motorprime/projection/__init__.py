@@ -1,8 +1,8 @@
 """Projections: from points in the robot's root frame to pixels in each of its cameras, and back."""
 
 from .base import PosedProjection, Projection
-from .calibrate import CalibrationResult, calibrate
 from .calibration import Calibration
+from .estimation import CalibrationResult, calibrate
 from .hybrid import HybridProjection
 from .kinematic import KinematicProjection
 from .neural import LearnedCamera, NeuralProjection

@@ -173,7 +173,7 @@ def adapt_networks(
         off = vector - mean
         cost, gradient, normal = float(off @ prior @ off), prior @ off, prior.copy()
         for camera, there in seen.items():
-            error, jacobian = _linearise(networks[camera], at(vector), camera, x[there])
+            error, jacobian = linearise(networks[camera], at(vector), camera, x[there])
             error -= pixels[camera][there]
             size = np.linalg.norm(error, axis=1) / errors[camera]
             weight = np.minimum(1.0, HUBER / np.maximum(size, 1e-12)) / errors[camera] ** 2
@@ -205,7 +205,7 @@ def adapt_networks(
     )
 
 
-def _linearise(network: Network, correction: Correction, camera: str, x: Floats) -> tuple[Floats, Floats]:
+def linearise(network: Network, correction: Correction, camera: str, x: Floats) -> tuple[Floats, Floats]:
     """Pixels (N, 2) and their derivatives (N, 2, P) by the correction's parameters."""
     n = len(correction.centre)
     moved = correction.inputs(x)

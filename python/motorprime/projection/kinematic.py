@@ -14,9 +14,9 @@ from ..model_files import read_model, write_model
 from ..robot import Robot
 from ..samples import Samples
 from .base import PosedProjection
-from .calibrate import calibrate
 from .calibration import Calibration
 from .corrected import corrected_cameras, corrected_palm
+from .estimation import calibrate
 from .parameters import Priors
 
 KIND = "kinematic projection"
@@ -73,7 +73,7 @@ class KinematicProjection(PosedProjection):
         }
 
     def hand_points(self, joints: npt.ArrayLike) -> Floats:
-        """Where the hand is in the root frame, (K, 3) or (N, K, 3) [m]; arguments as in :meth:`hand_pixels`."""
+        """Where the hand is in the root frame, (K, 3) or (N, K, 3) [m]; joints as for :meth:`hand_pixels`."""
         q = finite("joints", numbers("joints", joints))
         size = len(self.robot.gaze) + len(self.robot.arm)
         if q.ndim not in (1, 2) or q.shape[-1] != size:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -136,6 +136,31 @@ class NeuralProjection(Projection):
         return NeuralProjection(
             self.learned, self.joints, robot=self.robot, points=self._starting, correction=correction
         )
+
+    def resized(self, shapes: Mapping[str, tuple[int, int]]) -> NeuralProjection:
+        """The projection into the same cameras' images resized to other shapes (height, width).
+
+        Pixel centres are at integers, so with s = new width / width, u' = (u + 0.5) s - 0.5.
+
+        Raises:
+            ArgumentError: a camera is missing, or the projection was adapted; resize first, then adapt.
+        """
+        if self.correction.samples:
+            raise ArgumentError("shapes: this projection was adapted to images of its own size; resize first")
+        learned = {}
+        for name, part in self.learned.items():
+            if name not in shapes:
+                raise ArgumentError(f"shapes: no camera '{name}'; there are {', '.join(shapes)}")
+            height, width = (integer("shapes", side, at_least=1) for side in shapes[name])
+            scale = np.array([width / part.shape[1], height / part.shape[0]])
+            place = replace(
+                part.place,
+                output_mean=(part.place.output_mean + 0.5) * scale - 0.5,
+                output_std=part.place.output_std * scale,
+            )
+            error = part.error * float(np.sqrt(scale.prod()))
+            learned[name] = LearnedCamera((height, width), place, part.sight, error)
+        return NeuralProjection(learned, self.joints, robot=self.robot, points=self._starting)
 
     def inputs_of(self, samples: Samples) -> Floats:
         """The networks' inputs (N, 3 + joints) of samples.

@@ -51,21 +51,22 @@ class Observations:
         """Pixels and slopes of each camera."""
         robot, size = self.parameters.robot, self.parameters.size
         cameras = corrected_cameras(robot, calibration)
-        points, by_parameters = self.points, np.zeros((len(self.joints), 3, size))
-        if points is None:
-            points = self._hand(corrected_palm(robot, calibration), calibration, by_parameters)
+        if self.points is None:
+            points, by_parameters = self._hand(corrected_palm(robot, calibration), calibration)
+        else:
+            points, by_parameters = self.points, np.zeros((len(self.joints), 3, size))
         return {
             name: self._camera(name, cameras[name], calibration, points[rows], by_parameters[rows])
             for name, rows in self.rows.items()
         }
 
-    def _hand(self, chain: CorrectedChain, calibration: Calibration, slopes: Floats) -> Floats:
-        """Places (N, 3) [m] of the hand's point; adds their derivatives to ``slopes`` (N, 3, P)."""
+    def _hand(self, chain: CorrectedChain, calibration: Calibration) -> tuple[Floats, Floats]:
+        """Places (N, 3) [m] of the hand's point and their derivatives (N, 3, P)."""
         pose = chain.forward(self.joints)
         places: Floats = pose[:, :3, :3] @ calibration.hand[0] + pose[:, :3, 3]
-        _add_chain_slopes(self.parameters, chain, self.joints, places, slopes)
+        slopes = _chain_slopes(self.parameters, chain, self.joints, places)
         slopes[:, :, self.parameters.hand] = pose[:, :3, :3]
-        return places
+        return places, slopes
 
     def _camera(
         self, name: str, chain: CorrectedChain, calibration: Calibration, points: Floats, slopes: Floats
@@ -80,9 +81,7 @@ class Observations:
         pose = chain.forward(joints)
         back = pose[:, :3, :3].transpose(0, 2, 1)
         local = (back @ (points - pose[:, :3, 3])[:, :, None])[:, :, 0]
-        carried = np.zeros_like(slopes)
-        _add_chain_slopes(parameters, chain, joints, points, carried)
-        moved = back @ (slopes - carried)
+        moved = back @ (slopes - _chain_slopes(parameters, chain, joints, points))
         mounting = calibration.mountings.get(name, np.zeros(6))
         moved[:, :, parameters.mountings[name]] += _mounting_slopes(mounting, local)
         pixels = camera.project(local)
@@ -91,29 +90,28 @@ class Observations:
         return Prediction(pixels, np.where(np.isnan(pixels[:, :1, None]), 0.0, result))
 
 
-def _add_chain_slopes(
-    parameters: Parameters, chain: CorrectedChain, variables: Floats, points: Floats, slopes: Floats
-) -> None:
-    """Add how points (N, 3) [m] that the chain's tip carries move with its offsets and links, (N, 3, P).
+def _chain_slopes(parameters: Parameters, chain: CorrectedChain, variables: Floats, points: Floats) -> Floats:
+    """How points (N, 3) [m] that the chain's tip carries move with its offsets and links, (N, 3, P).
 
     Turning joint k moves them by z_k x (x - p_k), z_k its axis and p_k its place; shifting its origin moves
     them by the axes of its parent's frame.
     """
     angles = chain.angles(variables)
-    moving = 0
-    pose = np.broadcast_to(np.eye(4), (len(points), 4, 4))
+    slopes = np.zeros((len(points), 3, parameters.size))
     by_angle = np.empty((len(points), 3, angles.shape[1]))
+    pose, moving = np.broadcast_to(np.eye(4), (len(points), 4, 4)), 0
     for joint in chain.chain.joints:
         parent = pose[:, :3, :3]
         pose = pose @ joint.origin
         if joint.moves:
             axis = pose[:, :3, :3] @ joint.axis
             by_angle[:, :, moving] = np.cross(axis, points - pose[:, :3, 3])
-            slopes[:, :, parameters.links[joint.name]] += parent
+            slopes[:, :, parameters.links[joint.name]] = parent
             pose = pose @ joint.turn(angles[:, moving])
             moving += 1
     # Gaze first and then the arm: a chain's variables are the first of the offsets.
-    slopes[:, :, : variables.shape[1]] += by_angle @ chain.couplings.T
+    slopes[:, :, : variables.shape[1]] = by_angle @ chain.couplings.T
+    return slopes
 
 
 def _mounting_slopes(mounting: Floats, local: Floats) -> Floats:

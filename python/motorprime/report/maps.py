@@ -37,9 +37,9 @@ def learned_shot(
         return plotted(
             figure,
             "What the network learned",
-            f"{SHOWN} samples that it was not trained on, each at another posture of torso, neck and eyes: a "
-            "dot where the ball was segmented, a line to where the network put it from the ball's place and "
-            "the joint angles alone. The shorter the lines, the better.",
+            f"Up to {SHOWN} samples an eye that it was not trained on, each at another posture: a dot where "
+            "the ball was segmented, a line to where the network put it from the ball's place and the joint "
+            "angles alone. The shorter the lines, the better.",
             "Dots in both images with short lines to the predictions",
         )
 
@@ -52,7 +52,8 @@ def errors_shot(
         figure = new_figure(3.9)
         axes = _eyes(figure, shapes)
         maps = {camera: _cells(labels[camera], errors[camera], shapes[camera]) for camera in axes}
-        top = max(float(np.nanpercentile(cells, 95)) for cells in maps.values())
+        filled = np.concatenate([cells[~np.isnan(cells)] for cells in maps.values()])
+        top = float(np.percentile(filled, 95)) if filled.size else 1.0
         for camera, panel in axes.items():
             height, width = shapes[camera]
             image = panel.imshow(
@@ -147,7 +148,8 @@ def adapted_shot(
             (1, own),
             xycoords=("axes fraction", "data"),
             ha="right",
-            xytext=(0, 3),
+            va="top",
+            xytext=(0, -3),
             textcoords="offset points",
             fontsize=8,
             color=FULL,

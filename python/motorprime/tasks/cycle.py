@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays import Floats, integer, positive
+from .._arrays import Floats, integer, not_negative, positive
 from ..attention import Look
 from ..cylinder import Located
 from ..errors import ArgumentError
@@ -25,6 +25,8 @@ class Settings:
         width: kernel width of the motor plan [px]; None for 40 at 320 x 240, scaled.
         patience: cycles in one posture before the robot looks elsewhere.
         postures: postures to search from before giving up.
+        slack: how far [px] the projection may be off. If at all, the target is taken to stand on the bench,
+            of which the robot knows better how high it is.
         compare: run the full-frame scan beside every cycle; its result is never used.
     """
 
@@ -34,6 +36,7 @@ class Settings:
     width: float | None = None
     patience: int = 6
     postures: int = 12
+    slack: float = 0.0
     compare: bool = True
 
     def __post_init__(self) -> None:
@@ -41,6 +44,7 @@ class Settings:
             integer(name, getattr(self, name), at_least=1)
         if not 0.0 <= self.mixing <= 1.0:
             raise ArgumentError(f"mixing: from 0 to 1 expected, got {self.mixing}")
+        not_negative("slack", self.slack)
         if self.width is not None:
             positive("width", self.width)
 

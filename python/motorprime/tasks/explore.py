@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._arrays import Floats
 from ..attention import Look
-from ..camera import PosedCamera
 from ..cylinder import Cylinder, Located, locate_cylinder
 from ..detectors import Everywhere, HistogramDetector, Silhouette, Where, Windows
 from ..detectors.histogram import Search, merge
 from ..errors import NotInViewError
 from ..motorplan import pixel_landscapes
+from ..views import Views
 from .timing import Stages
 
 MIN_EXPLAINED, MIN_VISIBLE = 0.8, 0.4
 """A position is reported when in every eye its outline covers this fraction of what was segmented, and this
 fraction of its outline was segmented: the rest may be hidden."""
 
-SIGHT = (0.1, 0.8)
-"""Depths [m] at which something within reach may be."""
+THINNED = 20  # of so many places one marks an epipolar line
 
 Images = Mapping[str, NDArray[np.uint8]]
 
@@ -60,12 +60,16 @@ class Finder:
     Hits are remembered per eye while the posture stays, see :meth:`forget`.
 
     Attributes:
+        level: z [m] at which the middle of the target is known to be; None where it is not.
+        slack: how far [px] the projection may be off.
         memory: regions hit so far in each camera, the largest first.
         reported: the silhouettes behind the last report.
     """
 
     target: Target
     stages: Stages = field(default_factory=Stages)
+    level: float | None = None
+    slack: float = 0.0
     memory: dict[str, tuple[Silhouette, ...]] = field(default_factory=dict)
     reported: Mapping[str, Silhouette] = field(default_factory=dict)
 
@@ -73,12 +77,12 @@ class Finder:
         """Drop the hits of earlier cycles: the eyes have moved."""
         self.memory.clear()
 
-    def look(self, images: Images, views: Mapping[str, PosedCamera], where: Mapping[str, Where]) -> Sight:
+    def look(self, images: Images, views: Views, where: Mapping[str, Where]) -> Sight:
         """One cycle.
 
         Args:
             images: {camera: (H, W, 3) uint8 RGB}.
-            views: the cameras at the present posture, as the robot believes them to be.
+            views: the cameras at the present posture, as the robot believes them to see.
             where: where to look; cameras without an entry are not looked at.
         """
         searches: dict[str, Search] = {}
@@ -92,21 +96,30 @@ class Finder:
         looked = sum(int(np.count_nonzero(search.attended)) for search in searches.values())
         return Sight(located, where, searches, looked / pixels)
 
-    def complete(self, looks: Mapping[str, Look], views: Mapping[str, PosedCamera]) -> dict[str, Look]:
+    def complete(
+        self, looks: Mapping[str, Look], views: Views, places: Callable[[], Floats]
+    ) -> dict[str, Look]:
         """Give a camera without a landscape one along the epipolar line of what another camera has hit.
 
         A camera has none when hardly any of the reachable space is in its view; the target may be.
+
+        Args:
+            looks: the landscapes that there are.
+            views: the cameras at the present posture.
+            places: gives places (N, 3) [m] where the target may be, when a line is to be drawn; it gets as
+                long as their depths are spread.
         """
         completed = dict(looks)
-        for camera, view in views.items():
-            hits = [other for other in views if other != camera and self.memory.get(other)]
+        for camera in views.cameras:
+            hits = [other for other in views.cameras if other != camera and self.memory.get(other)]
             if camera in looks or not hits:
                 continue
-            origin, directions = views[hits[0]].rays(self.memory[hits[0]][0].centroid[None])
-            points = origin + np.linspace(*SIGHT, 40)[:, None] * directions
+            points = views.along(hits[0], self.memory[hits[0]][0].centroid, places()[::THINNED])
+            if not len(points):
+                continue
             with contextlib.suppress(NotInViewError):
-                line = {camera: view.project(points)}
-                look = Look(pixel_landscapes(line, {camera: view.camera.shape})[camera])
+                line = {camera: views.project(points)[camera]}
+                look = Look(pixel_landscapes(line, views.shapes)[camera])
                 if not look.is_empty:
                     completed[camera] = look
         return completed
@@ -119,14 +132,19 @@ class Finder:
         if fresh:
             self.memory[camera] = tuple(sorted([*kept, *fresh], key=lambda s: -s.area))
 
-    def _locate(self, views: Mapping[str, PosedCamera]) -> Located | None:
+    def _locate(self, views: Views) -> Located | None:
         """The position that explains the hits: of all nearby pieces together, else of the largest alone."""
-        if any(not self.memory.get(camera) for camera in views):
+        cameras = views.cameras
+        if any(not self.memory.get(camera) for camera in cameras):
             return None
-        together = {camera: merge(self.memory[camera]) for camera in views}
-        alone = {camera: self.memory[camera][0] for camera in views}
-        for silhouettes in (together,) if all(together[c] is alone[c] for c in views) else (together, alone):
-            located = locate_cylinder(views, silhouettes, self.target.shape)
+        together = {camera: merge(self.memory[camera]) for camera in cameras}
+        alone = {camera: self.memory[camera][0] for camera in cameras}
+        for silhouettes in (
+            (together,) if all(together[c] is alone[c] for c in cameras) else (together, alone)
+        ):
+            located = locate_cylinder(
+                views, silhouettes, self.target.shape, level=self.level, slack=self.slack
+            )
             if located and located.explained >= MIN_EXPLAINED and located.visible >= MIN_VISIBLE:
                 self.reported = silhouettes
                 return located

@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 
 from .._arrays import Floats, generator
 from ..attention import Attention, Look
-from ..camera import PosedCamera
 from ..control.gaze import fixate
 from ..control.path import PalmPath, minimum_jerk, plan_path
 from ..control.reaching import Bench, Pregrasp, ReachSolver
 from ..cylinder import Located
 from ..detectors.base import Where
-from ..errors import ArgumentTypeError, NotInViewError, UnreachableError
-from ..projection import PosedProjection
+from ..errors import ArgumentError, NotInViewError, UnreachableError
+from ..projection import Projection
+from ..robot import Robot
+from ..views import Views
 from .body import Body
 from .cycle import Cycle, FullFrame, Settings
 from .explore import Finder, Target, everywhere, windows_from
@@ -75,15 +76,15 @@ class Reach:
         clock: Clock = time.perf_counter,
     ) -> None:
         self.body, self.target, self.attention = body, target, attention
-        if not isinstance(attention.projection, PosedProjection):
-            raise ArgumentTypeError("attention: locating a shape needs a projection with camera poses")
-        self.projection: PosedProjection = attention.projection
+        self.projection = attention.projection
+        _check_images(body.robot, self.projection)
         self.settings = settings or Settings()
         self.solver = ReachSolver(body.robot, bench)
         self.generator = generator(seed)
         self.clock = clock
         self.stages = Stages(clock)
-        self.finder = Finder(target, self.stages)
+        level = bench.height + target.shape.height / 2 if self.settings.slack else None
+        self.finder = Finder(target, self.stages, level, self.settings.slack)
         self.outcome, self.reason = "running", ""
         self.pregrasp: Pregrasp | None = None
         self.estimate: Floats | None = None
@@ -161,11 +162,11 @@ class Reach:
         before = self._mark()
         try:
             with self.stages.time("projection"):
-                views = self.projection.posed(joints)
+                views = Views(self.projection, joints)
                 fits = self.attention.gaussians(joints)
             with self.stages.time("landscape"):
                 looks = self.attention.peripersonal_from(fits, mixing=self.settings.mixing)
-                looks = self.finder.complete(looks, views)
+                looks = self.finder.complete(looks, views, lambda: self._reachable(joints))
         except NotInViewError:
             return None
         with self.stages.time("sampling"):
@@ -177,7 +178,7 @@ class Reach:
         phase: str,
         joints: Floats,
         images: Mapping[str, NDArray[np.uint8]],
-        views: Mapping[str, PosedCamera],
+        views: Views,
         looks: Mapping[str, Look],
         where: Mapping[str, Where],
         before: Mapping[str, int],
@@ -215,10 +216,8 @@ class Reach:
         self.estimate = (1.0 - share) * self.estimate + share * located.centre
         self._trust = max(self._trust, located.overlap)
 
-    def _full_frame(
-        self, images: Mapping[str, NDArray[np.uint8]], views: Mapping[str, PosedCamera]
-    ) -> FullFrame:
-        beside = Finder(self.target, Stages(self.clock))
+    def _full_frame(self, images: Mapping[str, NDArray[np.uint8]], views: Views) -> FullFrame:
+        beside = replace(self.finder, stages=Stages(self.clock), memory={}, reported={})
         start = self.clock()
         for image in images.values():
             self.target.detector.largest_region(image)
@@ -229,8 +228,7 @@ class Reach:
     def _look_elsewhere(self) -> None:
         """Turn the gaze to a random reachable place in front."""
         robot, joints = self.body.robot, self.body.read(self.body.robot.gaze)
-        assert self.attention.cloud is not None
-        reachable = self.attention.cloud.in_root(joints)
+        reachable = self._reachable(joints)
         bench = self.solver.bench
         if bench is not None:
             above = reachable[:, 2] - bench.height
@@ -242,6 +240,11 @@ class Reach:
                 return
             except UnreachableError:
                 continue
+
+    def _reachable(self, joints: Floats) -> Floats:
+        """Places (N, 3) [m] that the palm can reach."""
+        assert self.attention.cloud is not None
+        return self.attention.cloud.in_root(joints)
 
     def _arm_would_sweep_target(self) -> bool:
         """Whether forearm or elbow would brush the target on the straight way from here to the pre-grasp."""
@@ -345,8 +348,8 @@ class Reach:
         plan = np.vstack([ahead, grasp])
         before = self._mark()
         with self.stages.time("projection"):
-            views = self.projection.posed(joints)
-            pixels = {camera: view.project(plan) for camera, view in views.items()}
+            views = Views(self.projection, joints)
+            pixels = views.project(plan)
         try:
             with self.stages.time("landscape and sampling"):
                 looks, where = self.attention.step(
@@ -369,6 +372,17 @@ class Reach:
             for stage, values in self.stages.seconds.items()
             if len(values) > before.get(stage, 0)
         }
+
+
+def _check_images(robot: Robot, projection: Projection) -> None:
+    """Raise an :class:`ArgumentError` where a projection is not one to the robot's cameras."""
+    images = {name: mount.camera.shape for name, mount in robot.cameras.items()}
+    shapes = projection.shapes
+    if shapes != images:
+        raise ArgumentError(
+            f"attention: a projection into images {images} (height, width) of robot '{robot.name}' "
+            f"expected, got one into {shapes}"
+        )
 
 
 def _between(first: Floats, second: Floats, share: float) -> Floats:

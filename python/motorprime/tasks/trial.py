@@ -11,6 +11,7 @@ import numpy as np
 from ..attention import Attention
 from ..control.reaching import Bench
 from ..peripersonal import ReachCloud
+from ..projection import Projection
 from ..robot import Robot
 from ..sim.scene import TABLE_HEIGHT, TABLE_X, Glass, draw_layout
 from .cycle import Settings
@@ -52,6 +53,7 @@ class Trial:
         robot: with its URDF.
         seed: of everything: scene, start, noise, windows. A sequence of integers names a trial of a series.
         settings: of the task.
+        projection: by which the robot sees; its kinematics when not given.
         cloud: the reachable space; drawn when not given.
         target: what the robot is told of the glass; shown to it when not given.
         glass: whether a glass stands there at all.
@@ -67,6 +69,7 @@ class Trial:
         seed: int | list[int],
         *,
         settings: Settings | None = None,
+        projection: Projection | None = None,
         cloud: ReachCloud | None = None,
         target: Target | None = None,
         glass: bool = True,
@@ -87,7 +90,7 @@ class Trial:
             self.task = Reach(
                 self.body,
                 target or target_of(Glass()),
-                Attention(self.stage.projection, cloud=cloud or ReachCloud(robot)),
+                Attention(projection or self.stage.projection, cloud=cloud or ReachCloud(robot)),
                 BENCH,
                 settings=settings,
                 seed=generator,

@@ -38,7 +38,8 @@ class CalibrationResult:
         used: {camera: samples that it saw}.
         median, rms: {camera: length of the residuals [px]}, the rms without outliers; NaN without samples.
         outliers: {camera: (N,) bool}, samples whose label is not believed.
-        spread: standard deviation [px] of the labels in u and in v, as estimated.
+        spread: standard deviation [px] of the labels in u and in v, as estimated; few samples that follow
+            many parameters make it too low.
         iterations: steps that were tried.
         converged: whether no further step promised anything.
         constant: joints that never moved; the prior alone tells their offset from other errors.
@@ -78,8 +79,9 @@ def calibrate(
             samples show one point of the hand, their joints include the arm's, and the arm's offsets and
             links and the point itself are estimated too; the torso moves eyes and hand alike and shows
             nothing then.
-        priors: standard deviations around the nominal model (m = 0). None: ``Priors()``, or, where ``start``
-            has a covariance, m and P are those of ``start``: samples that gave it need not be given again.
+        priors: standard deviations around the nominal model (m = 0); what is held fixed stays as ``start``
+            has it. None: ``Priors()``, or, where ``start`` has a covariance, m and P are those of ``start``:
+            samples that gave it need not be given again.
         start: corrections to begin with.
         noise: smallest standard deviation [px] that labels are believed to have.
         iterations: steps to try at most.
@@ -100,7 +102,8 @@ def calibrate(
     if goes_on:
         prior = _Prior(begin, _factor(start, parameters.size))
     else:
-        prior = _Prior(np.zeros(parameters.size), np.diag(parameters.sigmas(priors or Priors())))
+        sigmas = parameters.sigmas(priors or Priors())
+        prior = _Prior(np.where(sigmas == 0.0, begin, 0.0), np.diag(sigmas))
     problem = _Problem(parameters, Observations(parameters, samples), start, prior)
     fit = _minimise(problem, prior.whitened(begin), noise, iterations)
     return _report(problem, samples, fit)

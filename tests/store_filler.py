@@ -1,0 +1,45 @@
+"""Fill a store with plain numbers, slowly: a process to kill. Arguments: folder, count, workers."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from motorprime.learning.babbling import babble
+from motorprime.learning.manifest import GAP, NUMBER, Manifest
+from motorprime.learning.store import Store
+
+MANIFEST = Manifest(
+    kind="numbers",
+    mode="uniform",
+    robot="none",
+    fingerprint="0" * 64,
+    seed=5,
+    joints=("a", "b"),
+    cameras=("left",),
+    columns={"a": NUMBER, "b": NUMBER, "x": NUMBER, "y": NUMBER, "z": NUMBER, "left_u": GAP, "left_v": GAP},
+    settings={"noise": 0.0},
+    chunk=7,
+)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Seen by the left camera where the first number is positive."""
+
+    pause: float = 0.0
+
+    def __call__(self, seed, i):
+        time.sleep(self.pause)
+        values = np.random.default_rng([seed, i]).normal(size=7)
+        if values[0] < 0.0:
+            values[5:] = np.nan
+        return dict(zip(MANIFEST.columns, values.tolist(), strict=True))
+
+
+if __name__ == "__main__":
+    folder, count, workers = sys.argv[1:]
+    babble(Store.create(folder, MANIFEST), Numbers(0.002), int(count), workers=int(workers))
