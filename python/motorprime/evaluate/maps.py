@@ -326,8 +326,8 @@ def report_maps(maps: Maps, path: Path) -> None:
             Section(
                 "In numbers",
                 "Medians over the robots of the median errors in px. In the last column the arm is off as "
-                "well, so that where the hand is said to be is wrong by centimetres. Calibrated by the arm's encoders "
-                f"instead, kinematics come to {armed['kinematic_by_encoders']['after_px']:.2f} px.",
+                "well, so that where the hand is said to be is wrong by centimetres. Calibrated by the arm's "
+                f"encoders instead, kinematics come to {armed['kinematic_by_encoders']['after_px']:.2f} px.",
                 header=("model", "before", "after 100 samples", "after, arm off too"),
                 rows=rows,
             ),
