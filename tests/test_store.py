@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from motorprime import ArgumentError, NotInViewError, StateError
+from motorprime.errors import MissingExtraError
 from motorprime.learning import store as stores
 from motorprime.learning.babbling import babble
 from motorprime.learning.manifest import COUNT, GAP, NUMBER, WORD, Manifest, versions
@@ -471,3 +472,12 @@ def test_samples_without_cameras_are_read_not_learned_from(tmp_path):
     store.write(0, {"i": np.arange(2), "a": np.zeros(2)})
     with pytest.raises(ArgumentError, match=r"samples of kind 'arm' have no cameras; use read\(\)"):
         store.samples()
+
+
+@pytest.mark.parametrize("module", ["pyarrow", "duckdb"])
+def test_without_its_extra_the_store_says_what_to_install(tmp_path, monkeypatch, module):
+    monkeypatch.setitem(sys.modules, module, None)
+    for call in (Store.open, lambda folder: Store.create(folder, MANIFEST)):
+        with pytest.raises(MissingExtraError, match=r"pip install 'motorprime\[learn\]'"):
+            call(tmp_path)
+    assert not list(tmp_path.iterdir())
