@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -38,6 +39,22 @@ class Numbers:
         if values[0] < 0.0:
             values[5:] = np.nan
         return dict(zip(MANIFEST.columns, values.tolist(), strict=True))
+
+
+def filled(folder, count=20, **options):
+    store = Store.create(folder, MANIFEST)
+    babble(store, Numbers(), count, **options)
+    return store
+
+
+def contents(folder):
+    """Every part's bytes, by name."""
+    return {path.name: path.read_bytes() for path in sorted(Path(folder).glob("part-*"))}
+
+
+def columns(start, stop):
+    rows = [Numbers()(5, i) for i in range(start, stop)]
+    return {"i": np.arange(start, stop)} | {name: np.array([r[name] for r in rows]) for name in rows[0]}
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """The store: whole parts or none, nothing lost or doubled when killed, and every bad folder named."""
 
 import errno
-import json
 import os
 import resource
 import signal
@@ -16,31 +15,16 @@ import pyarrow.parquet as pq
 import pytest
 
 from motorprime import ArgumentError, NotInViewError, StateError
+from motorprime.errors import MissingExtraError
 from motorprime.learning import store as stores
 from motorprime.learning.babbling import babble
-from motorprime.learning.manifest import COUNT, GAP, NUMBER, WORD, Manifest, versions
+from motorprime.learning.manifest import COUNT, GAP, NUMBER, WORD, Manifest
 from motorprime.learning.store import Piece, Store
-from store_filler import MANIFEST, Numbers
+from store_filler import MANIFEST, Numbers, columns, contents, filled
 
 pytestmark = pytest.mark.learn
 
 HERE = Path(__file__).parent
-
-
-def filled(folder, count=20, **options):
-    store = Store.create(folder, MANIFEST)
-    babble(store, Numbers(), count, **options)
-    return store
-
-
-def contents(folder):
-    """Every part's bytes, by name."""
-    return {path.name: path.read_bytes() for path in sorted(Path(folder).glob("part-*"))}
-
-
-def columns(start, stop):
-    rows = [Numbers()(5, i) for i in range(start, stop)]
-    return {"i": np.arange(start, stop)} | {name: np.array([r[name] for r in rows]) for name in rows[0]}
 
 
 # What is written is what is read.
@@ -236,83 +220,6 @@ def test_a_file_that_may_not_grow_is_like_a_full_disk(tmp_path):
     assert len(store) == 7 and not list(tmp_path.glob(".*.tmp"))
 
 
-# Folders that are no stores, or other ones.
-
-
-def test_a_folder_that_is_no_store_is_named(tmp_path):
-    (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(ArgumentError, match=r"is not empty and has no manifest\.json"):
-        Store.create(tmp_path, MANIFEST)
-    with pytest.raises(ArgumentError, match=r"is no store of samples: it has no manifest\.json"):
-        Store.open(tmp_path)
-    with pytest.raises(ArgumentError, match="is no store of samples: it does not exist"):
-        Store.open(tmp_path / "nowhere")
-    with pytest.raises(ArgumentError, match="folder: cannot write into"):
-        Store.create(tmp_path / "notes.txt" / "below", MANIFEST)
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
-
-
-def test_parts_without_their_manifest_are_not_taken_over(tmp_path):
-    filled(tmp_path, 7)
-    (tmp_path / "manifest.json").unlink()
-    with pytest.raises(ArgumentError, match=r"is not empty and has no manifest\.json"):
-        Store.create(tmp_path, MANIFEST)
-    assert len(contents(tmp_path)) == 1
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"seed": 6}, "seed 5, asked for 6"),
-        ({"kind": "arm"}, "kind 'numbers', asked for 'arm'"),
-        ({"mode": "near"}, "mode 'uniform', asked for 'near'"),
-        ({"fingerprint": "1" * 64}, "another robot 'none': its URDF or its cameras differ"),
-        ({"settings": {"noise": 2.0}}, r"settings\.noise 0\.0, asked for 2\.0"),
-        ({"versions": {**versions(), "numpy": "1.0"}}, r"versions\.numpy '.*', asked for '1\.0'"),
-        ({"versions": {**versions(), "extra": "1"}}, r"versions\.extra None, asked for '1'"),
-        ({"chunk": 8}, "chunk 7, asked for 8"),
-        ({"columns": {**MANIFEST.columns, "x": GAP}}, r"columns\.x 'number', asked for 'number or none'"),
-    ],
-)
-def test_other_samples_do_not_mix_into_a_folder(tmp_path, changes, words):
-    store = filled(tmp_path, 7)
-    with pytest.raises(ArgumentError, match=rf"holds samples with {words}; the two must not mix"):
-        Store.create(tmp_path, replace(MANIFEST, **changes))
-    assert len(store) == 7
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"format": 1, "kind": "gaze"}', '{"format": 99}'])
-def test_a_manifest_that_is_none_is_named(tmp_path, text):
-    (tmp_path / "manifest.json").write_text(text)
-    for call in (Store.open, lambda folder: Store.create(folder, MANIFEST)):
-        with pytest.raises(
-            ArgumentError, match=r"folder: .*manifest\.json (is no manifest|has another format)"
-        ):
-            call(tmp_path)
-
-
-def test_a_manifest_survives_its_file(tmp_path):
-    store = Store.create(tmp_path, MANIFEST)
-    assert store.manifest == Store.open(tmp_path).manifest == MANIFEST
-    assert json.loads((tmp_path / "manifest.json").read_text())["format"] == 1
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"seed": -1}, "seed: expected an integer >= 0"),
-        ({"chunk": 0}, "chunk: expected an integer >= 1"),
-        ({"joints": ("a", "c")}, "columns: 'c' expected among them"),
-        ({"cameras": ("right",)}, "columns: 'right_u' expected among them"),
-        ({"columns": {**MANIFEST.columns, "i": NUMBER}}, "columns: 'i' is the index"),
-        ({"columns": {**MANIFEST.columns, "w": "text"}}, "columns: no such kind of column"),
-    ],
-)
-def test_a_manifest_that_contradicts_itself_is_an_error(changes, words):
-    with pytest.raises(ArgumentError, match=words):
-        replace(MANIFEST, **changes)
-
-
 # Damaged parts and bad samples.
 
 
@@ -471,3 +378,12 @@ def test_samples_without_cameras_are_read_not_learned_from(tmp_path):
     store.write(0, {"i": np.arange(2), "a": np.zeros(2)})
     with pytest.raises(ArgumentError, match=r"samples of kind 'arm' have no cameras; use read\(\)"):
         store.samples()
+
+
+@pytest.mark.parametrize("module", ["pyarrow", "duckdb"])
+def test_without_its_extra_the_store_says_what_to_install(tmp_path, monkeypatch, module):
+    monkeypatch.setitem(sys.modules, module, None)
+    for call in (Store.open, lambda folder: Store.create(folder, MANIFEST)):
+        with pytest.raises(MissingExtraError, match=r"pip install 'motorprime\[learn\]'"):
+            call(tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -15,6 +15,7 @@ import pytest
 
 import worker_functions as functions
 from motorprime import ArgumentError, ArgumentTypeError, StateError
+from motorprime.errors import MissingExtraError
 from motorprime.learning.workers import run
 
 pytestmark = pytest.mark.learn
@@ -55,6 +56,16 @@ def test_here_a_function_need_not_be_picklable_and_errors_are_its_own():
 )
 def test_options_that_make_no_sense_are_named_before_anything_runs(options, error, words):
     with pytest.raises(error, match=words):
+        run(functions.square, [1], **options)
+
+
+@pytest.mark.parametrize(
+    ("module", "options", "extra"),
+    [("joblib", {"workers": 2}, "learn"), ("distributed", {"scheduler": "tcp://127.0.0.1:9"}, "scale")],
+)
+def test_without_an_extra_the_error_says_what_to_install(monkeypatch, module, options, extra):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MissingExtraError, match=rf"pip install 'motorprime\[{extra}\]'"):
         run(functions.square, [1], **options)
 
 
