@@ -171,6 +171,17 @@ def test_adapting_to_joint_offsets_lowers_the_error_and_leaves_the_first_map_alo
     np.testing.assert_array_equal(learned.hand_pixels(test.joints)["left"], before)
 
 
+def test_adapting_finds_joint_offsets_and_shifts_of_the_image(learned):
+    turned = learned.adapt(samples(200, 5, offset=0.04))
+    assert 0.01 < turned.correction.offset[0] < 0.06
+    some, test = samples(15, 5), samples(200, 6)
+    moved = Samples(NAMES, some.joints, {"left": some.pixels["left"] + (9.0, -6.0)})
+    shifted = learned.adapt(moved)
+    off = shifted.hand_pixels(test.joints)["left"] - learned.hand_pixels(test.joints)["left"]
+    np.testing.assert_allclose(np.median(off, axis=0), (9.0, -6.0), atol=1.0)
+    np.testing.assert_allclose(shifted.correction.output("left")[1], (9.0, -6.0), atol=3.0)
+
+
 def test_adapting_again_goes_on_from_what_is_known(learned):
     test = samples(200, 6, offset=0.04)
     once = learned.adapt(samples(15, 5, offset=0.04, noise=1.0))
