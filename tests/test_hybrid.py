@@ -162,6 +162,18 @@ def test_adapting_again_goes_on_from_all_samples(robot, odd):
     assert np.median(errors(second, unseen)) < np.median(errors(first, unseen))
 
 
+@pytest.mark.parametrize("count", [1, 12])
+def test_a_few_samples_more_do_not_make_it_forget(adapted, robot, odd, count):
+    again, unseen = adapted.adapt(draw_samples(odd, robot, count, 5, 0.3)), draw_samples(odd, robot, 400, 99)
+    assert set(again.residuals) == {"left", "right"}
+    assert np.median(errors(again, unseen)) < 1.1 * np.median(errors(adapted, unseen))
+
+
+def test_ten_samples_are_enough_for_the_kinematics_alone(robot, odd):
+    hybrid = HybridProjection(KinematicProjection(robot)).adapt(draw_samples(odd, robot, 10, 1, 0.3))
+    assert hybrid.residuals == {} and hybrid.kinematic.calibration.covariance is not None
+
+
 def test_the_memory_keeps_the_latest_thousand(robot, real):
     samples = draw_samples(real, robot, MEMORY + 30, 1, 0.3)
     kept = HybridProjection(KinematicProjection(robot)).adapt(samples).memory

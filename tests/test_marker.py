@@ -5,7 +5,7 @@ import pytest
 
 from motorprime import ArgumentError, ArgumentTypeError, Camera
 from motorprime.camera import sphere_outline_centre
-from motorprime.detectors.marker import GREEN, Colour, find_ball
+from motorprime.detectors.marker import GREEN, Colour, _roundness, find_ball
 
 CAMERA = Camera(320, 240, 257.34, 257.34, 160.0, 120.0)
 STRETCHED = Camera(320, 240, 280.0, 220.0, 150.0, 130.0)
@@ -66,13 +66,13 @@ def test_without_the_lens_an_oval_in_the_corner_would_be_taken_for_a_hidden_ball
 
 
 @pytest.mark.parametrize("angle", np.arange(0.0, 2.0 * np.pi, 0.4))
-@pytest.mark.parametrize("depth", [0.15, 0.25])
-def test_an_edge_that_hides_a_tenth_is_noticed_from_every_side(angle, depth):
+@pytest.mark.parametrize(("depth", "hidden_part"), [(0.25, 0.1), (0.15, 0.04)])
+def test_an_edge_that_hides_little_is_noticed_from_every_side(angle, depth, hidden_part):
     centre = np.array([0.04, -0.02, depth])
     mask = silhouette(CAMERA, centre)
     v, u = np.nonzero(mask)
     along = u * np.cos(angle) + v * np.sin(angle)
-    hidden = along > np.quantile(along, 0.9)
+    hidden = along > np.quantile(along, 1.0 - hidden_part)
     mask[v[hidden], u[hidden]] = False
     found = find_ball(picture(mask), CAMERA)
     assert found.outcome == "covered"
@@ -110,6 +110,16 @@ def test_a_ball_one_pixel_from_the_border_is_seen():
     assert find_ball(picture(whole), camera).outcome == "seen"
     whole[v - v.min(), u - u.min() + 1] = True
     assert find_ball(picture(whole), camera).outcome == "cut"
+
+
+def test_small_discs_are_round_on_average(rng):
+    v, u = np.mgrid[:240, :320].astype(float)
+    found = []
+    for centre in rng.uniform((155, 115), (165, 125), (100, 2)):
+        inside = (u - centre[0]) ** 2 + (v - centre[1]) ** 2 <= 3.5**2
+        pixels = np.column_stack([u[inside], v[inside]])
+        found.append(_roundness(pixels - pixels.mean(axis=0), pixels.mean(axis=0), CAMERA).mean())
+    assert np.mean(found) == pytest.approx(1.0, abs=0.01)
 
 
 def test_too_few_pixels_and_none_are_absent():

@@ -135,6 +135,15 @@ def test_only_postures_with_a_tenth_of_the_cloud_in_an_image_are_judged(robot, c
     assert figures["ellipses"] == enough[enough.any(axis=1)][:30].sum()
 
 
+def test_of_a_small_cloud_only_what_the_direct_fit_takes_as_in_view_is_judged(robot, model):
+    """A tenth of 300 points is fewer than the 50 that the direct fit asks for."""
+    figures = evaluate_peripersonal(model, robot, seed=5, postures=60, cloud=ball_of_points(robot, size=300))
+    drawn = random_head_eye(robot, 1000, np.random.default_rng(5))
+    fits = fit_postures(ball_of_points(robot, size=300), KinematicProjection(robot), drawn)
+    enough = np.column_stack([fits[camera].in_view for camera in model.cameras])
+    assert figures["ellipses"] == enough[enough.any(axis=1)][:60].sum()
+
+
 def test_a_space_out_of_view_and_a_wrong_number_are_named(robot, model):
     behind = ball_of_points(robot, distance=-0.5, size=60)
     with pytest.raises(StateError, match="30 are wanted, but of 50000 uniform ones only 0"):
@@ -151,12 +160,23 @@ def test_the_picture_has_a_row_for_each_posture_and_a_column_for_each_camera(rob
     for panel, camera in zip(axes, ("left", "right") * 2, strict=True):
         dots, fitted, learned = panel.get_lines()
         assert len(dots.get_xdata()) == 600
-        # Both ellipses are of the same space; v runs down.
+        # Both ellipses are of the same space and lie where it lies; v runs down.
         np.testing.assert_allclose(fitted.get_xydata(), learned.get_xydata(), atol=20.0)
+        centre = fitted.get_xydata()[:-1].mean(axis=0)
+        np.testing.assert_allclose(centre, dots.get_xydata().mean(axis=0), atol=10.0)
         assert panel.get_ylim()[0] > panel.get_ylim()[1]
         assert panel.get_title(loc="left").startswith(f"{camera} camera\n")
         assert "% of the positions" in panel.get_title(loc="left")
     assert len(figure.legends[0].get_texts()) == 5
+
+
+@viz
+def test_the_picture_shows_postures_with_a_tenth_of_the_space_in_every_image(robot, model):
+    """Unchosen ones would fail: of 8 in a row some hardly see it."""
+    dense = ball_of_points(robot, size=2500)
+    for panel in draw_peripersonal(model, robot, 1, 8, cloud=dense).get_axes():
+        dots = panel.get_lines()[0].get_xydata()
+        assert ((dots >= -0.5) & (dots <= (319.5, 239.5))).all(axis=1).sum() >= 250
 
 
 @viz

@@ -108,6 +108,28 @@ def test_they_appear_at_the_pixel_by_a_projection_that_errs_too(kinematic, rng):
     assert np.linalg.norm(kinematic.project(points, POSTURE)["left"] - (100, 90), axis=1).min() > ARRIVED
 
 
+class Waving(Poseless):
+    """Columns between 110 and 210 only, to and fro, as a network may do where it has learned nothing."""
+
+    def project(self, points, joints=None):
+        return {
+            name: np.column_stack([160.0 + 50.0 * np.sin((pixels[:, 0] - 160.0) / 50.0), pixels[:, 1]])
+            for name, pixels in super().project(points, joints).items()
+        }
+
+    def jacobian(self, points, joints=None):
+        slopes = super().jacobian(points, joints)
+        for name, pixels in super().project(points, joints).items():
+            slopes[name][:, 0] *= np.cos((pixels[:, :1] - 160.0) / 50.0)
+        return slopes
+
+
+def test_places_that_never_get_to_the_pixel_give_no_points(rng):
+    views = Views(Waving(fixed()))
+    assert len(views.along("left", (150.0, 120.0), places(rng))) > 10
+    assert views.along("left", (230.0, 120.0), places(rng)).shape == (0, 3)
+
+
 def test_places_out_of_view_give_no_points_and_are_left_alone():
     views, behind = Views(fixed()), np.array([[0.0, 0.0, -0.4], [3.0, 0.0, 0.1]])
     copy = behind.copy()

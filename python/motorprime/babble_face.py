@@ -135,10 +135,11 @@ class _Rate:
         self.computed = 0
 
     def __call__(self, done: int) -> None:
+        now = self._clock()
         if self._first is None:
-            self._first = done, self._clock()
+            self._first = done, now
         self.computed = done - self._first[0]
-        seconds = self._clock() - self._first[1]
+        seconds = now - self._first[1]
         rate = f"{self.computed / seconds:.0f} samples/s" if self.computed and seconds > 0.0 else ""
         self._bars.update(self._task, completed=done, rate=rate)
 

@@ -129,7 +129,6 @@ def _roundness(offsets: Floats, centre: Floats, camera: Camera) -> Floats:
     shape = camera.jacobian(direction)[0] @ tangents.T
     shape /= np.sqrt(abs(np.linalg.det(shape)))
     round_ = np.linalg.solve(shape, offsets.T)
-    # A pixel is a square, whose own variance is 1/12.
-    covariance = round_ @ round_.T / len(offsets) + np.eye(2) / 12.0
+    covariance = round_ @ round_.T / len(offsets)
     unit: Floats = np.linalg.eigvalsh(covariance) * 4.0 * np.pi / len(offsets)
     return unit

@@ -14,6 +14,7 @@ from .._arrays import Floats
 from ..errors import ArgumentError
 from ..learning.synthetic import draw_samples, palm_points
 from ..perturbed import build, draw_errors
+from ..projection import KinematicProjection
 from ..robot import Robot
 from ..samples import Samples
 from .common import Progress
@@ -127,3 +128,30 @@ def _samples(
         return drawn
     gaze, reach = drawn.columns(nominal.gaze), drawn.columns(nominal.arm)
     return Samples(nominal.gaze, gaze, drawn.pixels, palm_points(nominal, gaze, reach))
+
+
+def adapt_by_encoders(
+    robot: Robot, *, robots: int = ROBOTS, seed: int = 0, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Calibrate kinematics of robots whose arm is off too, by the arm's encoders instead of the hand's place.
+
+    Arm and gaze are calibrated together, so nothing is believed of where the hand is; tested by
+    :meth:`KinematicProjection.hand_pixels`.
+    """
+    before, after = [], []
+    nominal = KinematicProjection(robot)
+    for k in (progress or Progress()).over(range(robots), "calibrating by encoders"):
+        with tempfile.TemporaryDirectory(prefix="motorprime-") as folder:
+            draws = np.random.default_rng([seed, k, 1])
+            true = build(robot, draw_errors(robot, draws, arm=True), Path(folder))
+            samples = draw_samples(true, robot, SAMPLES, draws, NOISE, arm=True)
+            test = draw_samples(true, robot, TESTED, draws, arm=True)
+        before.append(_hand_error(nominal, test))
+        after.append(_hand_error(nominal.adapt(samples), test))
+    return {"before_px": float(np.median(before)), "after_px": float(np.median(after)), "robots_px": after}
+
+
+def _hand_error(projection: KinematicProjection, test: Samples) -> float:
+    pixels = projection.hand_pixels(test.joints)
+    errors = [np.linalg.norm(pixels[c][:, 0] - labels, axis=1) for c, labels in test.pixels.items()]
+    return float(np.nanmedian(np.concatenate(errors)))

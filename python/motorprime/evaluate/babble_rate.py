@@ -28,10 +28,11 @@ def two_worker_ratio(
     seed: int = 0,
     samples: int = 300,
     *,
+    rounds: int = ROUNDS,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> dict[str, Any]:
-    """Babble ``samples`` samples into a new store, by one worker and by two in turns, five rounds of each.
+    """Babble ``samples`` samples into a new store, by one worker and by two in turns, ``rounds`` times each.
 
     Simulators and worker processes are warm before the first round. One worker is this process itself, two
     are two others, and this one writes their parts.
@@ -40,7 +41,7 @@ def two_worker_ratio(
         samples, rounds, one_worker_per_s and two_workers_per_s (medians), ratio (median over the rounds) and
         ratios of all rounds.
     """
-    integer("samples", samples, at_least=1)
+    integer("samples", samples, at_least=1), integer("rounds", rounds, at_least=1)
     source = GazeBabble(robot)
     manifest = replace(source.manifest(seed), chunk=CHUNK)
     seconds: dict[int, list[float]] = {1: [], 2: []}
@@ -53,8 +54,8 @@ def two_worker_ratio(
             return clock() - start
 
         for workers in (1, 2):
-            measure(f"warm-{workers}", max(samples, 10 * CHUNK), workers)  # enough for both to get some
-        for k in (progress or Progress()).over(range(ROUNDS), "babbling"):
+            measure(f"warm-{workers}", max(samples, 4 * CHUNK), workers)  # enough for both to get some
+        for k in (progress or Progress()).over(range(rounds), "babbling"):
             for workers in (1, 2) if k % 2 else (2, 1):
                 seconds[workers].append(measure(f"{k}-{workers}", samples, workers))
     close_studio()
@@ -62,7 +63,7 @@ def two_worker_ratio(
     return {
         "seed": seed,
         "samples": samples,
-        "rounds": ROUNDS,
+        "rounds": rounds,
         "one_worker_per_s": float(samples / np.median(seconds[1])),
         "two_workers_per_s": float(samples / np.median(seconds[2])),
         "ratio": float(np.median(ratios)),

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._arrays import Floats, fixed, positive
+from ..camera import Camera
 from ..errors import NotInViewError
 from ..kinematics import Chain
 from ..robot import Robot
@@ -98,10 +99,10 @@ class Postures:
         for name, chain in self._eyes.items():
             poses, camera = chain.forward(gaze), self.robot.cameras[name].camera
             local = np.einsum("nji,nj->ni", poses[:, :3, :3], points - poses[:, :3, 3])
-            height, width = camera.shape
-            rim = camera.project(_rim(local, self.radius).reshape(-1, 3)).reshape(-1, _AROUND, 2)
-            low, high = -0.5 - MARGIN, (width - 0.5 + MARGIN, height - 0.5 + MARGIN)
-            seen[name] = np.asarray(((rim >= low) & (rim <= high)).all(axis=(1, 2)))  # false for NaN
+            found = _inside(camera, camera.project(local))
+            rim = camera.project(_rim(local[found], self.radius).reshape(-1, 3)).reshape(-1, _AROUND, 2)
+            found[found] = _inside(camera, rim).all(axis=1)
+            seen[name] = found
         return seen
 
     @staticmethod
@@ -118,6 +119,13 @@ class _GazeChain:
 
     def forward(self, gaze: Floats) -> Floats:
         return self._chain.forward(gaze @ self._couplings)
+
+
+def _inside(camera: Camera, pixels: Floats) -> npt.NDArray[np.bool_]:
+    """Whether pixels (..., 2) lie in the image and its margin: (...); NaN does not."""
+    height, width = camera.shape
+    low, high = -0.5 - MARGIN, (width - 0.5 + MARGIN, height - 0.5 + MARGIN)
+    return np.asarray(((pixels >= low) & (pixels <= high)).all(axis=-1))
 
 
 def _rim(centres: Floats, radius: float) -> Floats:

@@ -110,10 +110,8 @@ class HybridProjection(Projection):
         slopes = {}
         for name, camera in self.kinematic.posed(joints).items():
             local = camera.to_camera(points)
-            pixels, slope = (
-                camera.camera.project(local),
-                camera.camera.jacobian(local) @ camera.pose[:3, :3].T,
-            )
+            pixels = camera.camera.project(local)
+            slope = camera.camera.jacobian(local) @ camera.pose[:3, :3].T
             if name in self._mlps:
                 seen = ~np.isnan(pixels[:, 0])
                 x = _inputs(pixels[seen], local[seen], np.asarray(joints, dtype=np.float64))
@@ -130,10 +128,10 @@ class HybridProjection(Projection):
     def adapt(self, samples: Samples) -> HybridProjection:
         """A projection adapted by samples; this one stays as it is.
 
-        First the kinematics are calibrated. Then a camera gets a network if, on samples held out from the
-        calibration and from the network, it is better than none by more than chance. Adapting again goes on
-        from the calibration, and makes new networks of the latest 1000 samples; samples without points, which
-        are of the hand, and samples with points are not kept together.
+        First the kinematics are calibrated. Then a camera gets a network if, on samples held out from it and
+        from this calibration, it is better than none by more than chance. Adapting again goes on from the
+        calibration, and makes new networks of the latest 1000 samples; samples without points, which are of
+        the hand, and samples with points are not kept together.
 
         Raises:
             ArgumentError: samples of which :func:`motorprime.projection.calibrate` cannot make anything.
@@ -142,44 +140,48 @@ class HybridProjection(Projection):
             raise ArgumentTypeError(f"samples: expected Samples, got {type(samples).__name__}")
         kinematic = self.kinematic.adapt(samples)
         pool = _joined(self.memory, samples, self.kinematic)
-        chosen = self._chosen_forms(samples)
         residuals = {}
-        for name, form in chosen.items():
+        for name, form in self._chosen_forms(pool, min(len(samples), MEMORY)).items():
             x, errors = _left_over(kinematic, pool, name)
             residuals[name] = fit_residual(x, errors, form)
         return HybridProjection(kinematic, residuals, pool)
 
-    def _chosen_forms(self, samples: Samples) -> dict[str, Form]:
-        """The best form for each camera that is better off with a network."""
-        everything = 3 + len(self.kinematic.robot.gaze)
-        tried = forms((2, 3, everything))
-        without: dict[str, list[Floats]] = {name: [] for name in samples.cameras}
-        with_it: dict[str, list[list[Floats]]] = {name: [] for name in samples.cameras}
-        for held_out in folds(len(samples)):
-            try:
-                kinematic = self.kinematic.adapt(samples.take(~held_out))
-            except ArgumentError:  # too few are left
+    def _chosen_forms(self, pool: Samples, new: int) -> dict[str, Form]:
+        """The best form for each camera that is better off with a network; the last ``new`` rows are new."""
+        tried = forms((2, 3, 3 + len(self.kinematic.robot.gaze)))
+        without: dict[str, list[Floats]] = {name: [] for name in pool.cameras}
+        with_it: dict[str, list[list[Floats]]] = {name: [] for name in pool.cameras}
+        is_new = np.arange(len(pool)) >= len(pool) - new
+        for held_out in folds(len(pool)):
+            kinematic = self._calibrated(pool.take(is_new & ~held_out))
+            if kinematic is None:
                 return {}
-            pool = _joined(self.memory, samples.take(~held_out), self.kinematic)
-            for name in samples.cameras:
-                x, errors = _left_over(kinematic, pool, name)
-                unseen, left = _left_over(kinematic, samples.take(held_out), name)
+            for name in pool.cameras:
+                x, errors = _left_over(kinematic, pool.take(~held_out), name)
+                unseen, left = _left_over(kinematic, pool.take(held_out), name)
                 if len(x) == 0:
                     continue
                 without[name].append(np.linalg.norm(left, axis=1))
                 networks = [fit_residual(x, errors, form) for form in tried]
                 with_it[name].append([np.linalg.norm(left - n.forward(unseen), axis=1) for n in networks])
         chosen = {}
-        for name in samples.cameras:
-            if not without[name]:
+        for name, parts in without.items():
+            if not parts:
                 continue
+            alone = np.concatenate(parts)
             gains = [
-                better(np.concatenate(without[name]), np.concatenate([fold[k] for fold in with_it[name]]))
-                for k in range(len(tried))
+                better(alone, np.concatenate([fold[k] for fold in with_it[name]])) for k in range(len(tried))
             ]
             if max(gains) > SURE:
                 chosen[name] = tried[int(np.argmax(gains))]
         return chosen
+
+    def _calibrated(self, samples: Samples) -> KinematicProjection | None:
+        """The kinematics adapted; as they are where the samples are too few, and None if nothing is known."""
+        try:
+            return self.kinematic.adapt(samples)
+        except ArgumentError:
+            return None if self.kinematic.calibration.covariance is None else self.kinematic
 
     def save(self, path: str | Path) -> None:
         """Write calibration, networks and the samples kept to a file (safetensors).

@@ -115,8 +115,6 @@ class Finder:
             if camera in looks or not hits:
                 continue
             points = views.along(hits[0], self.memory[hits[0]][0].centroid, places()[::THINNED])
-            if not len(points):
-                continue
             with contextlib.suppress(NotInViewError):
                 line = {camera: views.project(points)[camera]}
                 look = Look(pixel_landscapes(line, views.shapes)[camera])
