@@ -88,20 +88,40 @@ def test_inside_is_the_range_of_training(learned):
     assert learned.inside(samples(300, 1).joints).all()
 
 
-def test_few_samples_get_a_smaller_network_and_too_few_an_error_that_says_how_many():
-    sizes = [learn_hand_map(samples(n, 1), seed=0, iterations=2).networks["left"].sizes for n in (30, 1200)]
-    assert sizes[0][1] < sizes[1][1]
-    with pytest.raises(ArgumentError, match=r"12 that camera 'left' saw .* at least 13 are needed") as found:
-        learn_hand_map(samples(12, 1), seed=0)
-    assert "2 joints that move" in str(found.value)
-    learn_hand_map(samples(13, 1), seed=0, iterations=2)
+def test_few_samples_set_random_units_and_many_train_two_layers():
+    few, many = (learn_hand_map(samples(n, 1), seed=0, iterations=2).networks["left"] for n in (30, 1200))
+    assert few.sizes == (2, 200, 2)
+    assert many.sizes == (2, 25, 25, 2)
+    asked = learn_hand_map(samples(60, 1), seed=0, hidden=(6,), iterations=2)
+    assert asked.networks["left"].sizes == (2, 6, 2)
+
+
+def test_twenty_samples_are_a_start():
+    assert max(error(learn_hand_map(samples(20, 1), seed=0), samples(200, 2)).values()) < 10.0
+
+
+def test_too_few_samples_are_an_error_that_says_how_many_are_needed():
+    with pytest.raises(ArgumentError, match=r"6 that camera 'left' saw .* 2 joints .* at least 7 are needed"):
+        learn_hand_map(samples(6, 1), seed=0)
+    learn_hand_map(samples(7, 1), seed=0)
+    rng = np.random.default_rng(0)
+    wide = Samples(tuple("abcdefg"), rng.normal(size=(15, 7)), {"left": rng.normal(size=(15, 2))})
+    with pytest.raises(ArgumentError, match=r"15 .* 7 joints that move; at least 16 are needed"):
+        learn_hand_map(wide)
+
+
+def test_the_error_that_a_map_tells_is_about_the_one_that_it_makes():
+    for count in (40, 1200):
+        hand_map = learn_hand_map(samples(count, 1, noise=1.0), seed=0, iterations=30)
+        for camera, off in error(hand_map, samples(300, 2, noise=1.0)).items():
+            assert 0.6 < hand_map.errors[camera] / off < 1.7
 
 
 def test_only_samples_that_a_camera_saw_count_for_it():
     given = samples(80, 1)
     pixels = {camera: value.copy() for camera, value in given.pixels.items()}
-    pixels["right"][10:] = np.nan
-    with pytest.raises(ArgumentError, match="10 that camera 'right' saw are too few"):
+    pixels["right"][5:] = np.nan
+    with pytest.raises(ArgumentError, match="5 that camera 'right' saw are too few"):
         learn_hand_map(Samples(NAMES, given.joints, pixels), seed=0)
     pixels["right"] = np.where(np.arange(80)[:, None] % 5 == 0, np.nan, given.pixels["right"])
     hand_map = learn_hand_map(Samples(NAMES, given.joints, pixels), seed=0)
@@ -149,6 +169,17 @@ def test_adapting_to_joint_offsets_lowers_the_error_and_leaves_the_first_map_alo
     for camera in test.cameras:
         assert new[camera] < 0.15 * old[camera]
     np.testing.assert_array_equal(learned.hand_pixels(test.joints)["left"], before)
+
+
+def test_adapting_finds_joint_offsets_and_shifts_of_the_image(learned):
+    turned = learned.adapt(samples(200, 5, offset=0.04))
+    assert 0.01 < turned.correction.offset[0] < 0.06
+    some, test = samples(15, 5), samples(200, 6)
+    moved = Samples(NAMES, some.joints, {"left": some.pixels["left"] + (9.0, -6.0)})
+    shifted = learned.adapt(moved)
+    off = shifted.hand_pixels(test.joints)["left"] - learned.hand_pixels(test.joints)["left"]
+    np.testing.assert_allclose(np.median(off, axis=0), (9.0, -6.0), atol=1.0)
+    np.testing.assert_allclose(shifted.correction.output("left")[1], (9.0, -6.0), atol=3.0)
 
 
 def test_adapting_again_goes_on_from_what_is_known(learned):

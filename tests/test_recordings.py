@@ -84,6 +84,19 @@ def _stamps(stream):
     return [float(w[1]) for w in words], [w[2] for w in words]
 
 
+def test_a_posture_that_no_image_shows_is_no_sample(folder):
+    def blind(images):
+        hidden = np.abs(images.times - START - 0.03 - 5.25 * 0.5) < 0.5
+        return np.where(hidden[:, None], np.nan, np.linspace(0.0, 99.0, len(images))[:, None].repeat(2, 1))
+
+    recording = read_recording(folder, LAYOUT, labels=blind, lag=0.03)
+    assert recording.postures == 12
+    assert 0 < 12 - len(recording.samples) <= 2
+    assert recording.samples.seen("eye").all()
+    assert len(recording.times) == len(recording.images["eye"]) == len(recording.samples)
+    assert 2.5 not in recording.times.round(6)
+
+
 def test_a_posture_that_lasts_too_briefly_is_an_outlier(folder):
     def spoil(lines):
         for k in (60, 160):  # one line each, in the middle of a posture

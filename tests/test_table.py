@@ -29,6 +29,7 @@ def test_columns_are_joints_unless_they_are_a_camera_s_pixels(tmp_path):
 def test_other_commas_and_blank_lines_do_not_matter(tmp_path, comma):
     samples = read_table(table(tmp_path, "\ufeff" + GOOD.replace(",", comma).replace("\n", "\n\n")))
     assert len(samples) == 2
+    assert samples.names == ("shoulder", "elbow")
     np.testing.assert_array_equal(samples.pixels["left"][0], [160.5, 98.25])
 
 

@@ -44,7 +44,7 @@ def test_of_both_ends_the_one_that_points_away_from_the_arm_is_the_tip():
 def test_threads_at_the_other_end_do_not_move_the_tip():
     mask = capsule((60.0, 60.0), np.pi)
     plain = tip(mask, np.array([-1.0, 0.0]))
-    mask[65, 78:95] = True
+    mask[66, 60:125] = True
     np.testing.assert_allclose(tip(mask, np.array([-1.0, 0.0])), plain, atol=0.5)
 
 
@@ -83,12 +83,15 @@ def test_a_thumb_that_rests_in_most_of_the_images_is_not_background():
     assert background(images)[50, 60] < 100
 
 
-def test_coloured_and_small_bright_parts_are_no_thumb():
+def test_coloured_grey_small_and_farther_bright_parts_are_no_thumb():
     image = thumb_image((90.0, 50.0))
     cv2.rectangle(image, (10, 10), (30, 30), (255, 255, 0), -1)
     image[60:64, 20:24] = 255
+    cv2.rectangle(image, (10, 80), (30, 100), (100, 100, 100), -1)
+    cv2.rectangle(image, (140, 10), (158, 40), (255, 255, 255), -1)
     mask, pointing = segment(image, np.full(image.shape[:2], 40.0))
-    assert mask[50, 90] and not mask[20, 20] and not mask[62, 22]
+    assert mask[50, 90]
+    assert not mask[20, 20] and not mask[62, 22] and not mask[90, 20] and not mask[20, 150]
     assert pointing[0] != 0
 
 

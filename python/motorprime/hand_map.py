@@ -18,17 +18,20 @@ from ._arrays import Floats, finite, fixed, generator, integer, numbers
 from .errors import ArgumentError, ArgumentTypeError
 from .learning.levenberg_marquardt import SHARES, split, train
 from .learning.network import Network
+from .learning.random_units import fit_random_units
 from .model_files import read_model, write_model
 from .projection.adaptation import Correction, adapt_networks
 from .samples import Samples
 
 KIND = "hand map"
-HIDDEN: tuple[tuple[int, ...], ...] = ((25, 25), (15, 15), (15,), (10,), (6,), (4,), (3,), (2,))
-"""Hidden layers, of which the first is taken whose weights the samples suffice for."""
+HIDDEN: tuple[tuple[int, ...], ...] = ((25, 25), (15, 15))
+"""Hidden layers, of which the first is trained whose weights the samples suffice for."""
 LABELS = 1.5
-"""Numbers that a network must learn from, for each of its weights."""
+"""Numbers that such a network must learn from, for each of its weights; with fewer a network with random
+units is better."""
 
 _STILL = 1e-4  # [rad], a joint that moves less did not move
+_SURE = 0.01  # [px], the smallest error that a map is believed to have
 _STAYS = 0.01  # [rad], how far a joint that never moved in training may be off
 # Prior standard deviations of what `adapt` corrects: joint offsets [rad], how they change over one standard
 # deviation of a joint, the pixels' scale and shift [px].
@@ -44,7 +47,7 @@ class HandMap:
         constant: {joint: angle [rad]} of those that never moved in training; the map knows nothing of them.
         low, high: (J,) range of each joint in training [rad].
         networks: {camera: network from the joints that moved to (u, v)}, as trained.
-        errors: {camera: median error [px] on samples that took no part in training}.
+        errors: {camera: median error [px] on samples that it has not learned from}.
         correction: of the networks by later samples.
     """
 
@@ -170,17 +173,21 @@ def learn_hand_map(
     *,
     seed: int | np.random.Generator | None = None,
     hidden: tuple[int, ...] | None = None,
-    restarts: int = 5,
+    restarts: int = 1,
     iterations: int = 150,
 ) -> HandMap:
     """Learn where the hand appears.
 
+    Few samples set the output weights of a network with random units
+    (:func:`motorprime.learning.random_units.fit_random_units`). Many train all weights of two hidden layers
+    (:func:`motorprime.learning.levenberg_marquardt.train`).
+
     Args:
         samples: joint states and the pixels of one point of the hand. Columns of joints that never moved are
             held fixed and named in :attr:`HandMap.constant`.
-        seed: draws the parts for training, validation and test, and the starts.
-        hidden: nodes of the hidden layers; None takes as many as the samples suffice for.
-        restarts: random starts; the one with the lowest validation error wins.
+        seed: draws everything that is random.
+        hidden: nodes of hidden layers that are to be trained, however many samples there are.
+        restarts: random starts of the training; the one with the lowest validation error wins.
         iterations: of training at most, for each start.
 
     Raises:
@@ -188,10 +195,8 @@ def learn_hand_map(
             needed.
     """
     _check(samples)
-    restarts, iterations = (
-        integer(name, value, at_least=1)
-        for name, value in (("restarts", restarts), ("iterations", iterations))
-    )
+    restarts = integer("restarts", restarts, at_least=1)
+    iterations = integer("iterations", iterations, at_least=1)
     if not len(samples):
         raise ArgumentError("samples: expected at least one, got none")
     still = np.ptp(samples.joints, axis=0) < _STILL
@@ -204,13 +209,20 @@ def learn_hand_map(
     errors: dict[str, float] = {}
     for camera in samples.cameras:
         seen = samples.seen(camera)
-        sizes = _hidden(camera, int(seen.sum()), moving.shape[1]) if hidden is None else hidden
         x, y = moving[seen], samples.pixels[camera][seen]
-        parts = split(len(x), rng)
-        training = train(x, y, sizes, seed=rng, restarts=restarts, iterations=iterations, parts=parts)
-        networks[camera] = training.network
-        off = training.network.forward(x[parts.test]) - y[parts.test]
-        errors[camera] = max(float(np.median(np.linalg.norm(off, axis=1))), 1e-3)
+        _enough(camera, len(x), moving.shape[1])
+        layers = hidden or _hidden(len(x), moving.shape[1])
+        if layers is None:
+            networks[camera], off = fit_random_units(x, y, rng)
+        else:
+            parts = split(len(x), rng)
+            network = train(
+                x, y, layers, seed=rng, restarts=restarts, iterations=iterations, parts=parts
+            ).network
+            off = np.linalg.norm(network.forward(x[parts.test]) - y[parts.test], axis=1)
+            networks[camera] = network
+        # Adapting weighs labels by it; a map without any error would believe them beyond all measure.
+        errors[camera] = max(float(np.median(off)), _SURE)
     middle = samples.joints.mean(axis=0)
     return HandMap(
         names=samples.names,
@@ -228,19 +240,23 @@ def _check(samples: object) -> None:
         raise ArgumentTypeError(f"samples: expected Samples, got {type(samples).__name__}")
 
 
-def _hidden(camera: str, count: int, joints: int) -> tuple[int, ...]:
-    """The largest hidden layers that ``count`` samples suffice for."""
-    needed = 0
+def _enough(camera: str, count: int, joints: int) -> None:
+    """A linear map has joints + 1 numbers for u and as many for v; a network must see more than it."""
+    needed = max(7, 2 * (joints + 1))
+    if count < needed:
+        raise ArgumentError(
+            f"samples: {count} that camera '{camera}' saw are too few for {joints} joints that move; "
+            f"at least {needed} are needed"
+        )
+
+
+def _hidden(count: int, joints: int) -> tuple[int, ...] | None:
+    """The largest hidden layers that ``count`` samples suffice to train, or None."""
     for hidden in HIDDEN:
-        sizes = (joints, *hidden, 2)
-        weights = sum((a + 1) * b for a, b in pairwise(sizes))
-        needed = max(7, int(np.ceil(LABELS * weights / 2.0 / SHARES[0])))
-        if count >= needed:
+        weights = sum((a + 1) * b for a, b in pairwise((joints, *hidden, 2)))
+        if SHARES[0] * count * 2 >= LABELS * weights:
             return hidden
-    raise ArgumentError(
-        f"samples: {count} that camera '{camera}' saw are too few for {joints} joints that move; "
-        f"at least {needed} are needed"
-    )
+    return None
 
 
 def _nothing_known(joints: Floats, cameras: tuple[str, ...]) -> Correction:

@@ -82,14 +82,12 @@ def tip(mask: NDArray[np.bool_], pointing: Floats) -> Floats:
     """
     depth = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
     radius = float(depth.max())
-    # The axis of the inner part: thin threads at the other end would turn that of the whole.
-    v, u = np.nonzero(depth > 0.4 * radius)
-    inner = np.column_stack([u, v]).astype(np.float64)
-    middle = inner.mean(axis=0)
-    axis = np.linalg.svd(inner - middle, full_matrices=False)[2][0]
-    axis *= 1.0 if axis @ pointing >= 0.0 else -1.0
     v, u = np.nonzero(mask)
-    end = np.sort((np.column_stack([u, v]) - middle) @ axis)[-5:].mean()
+    points = np.column_stack([u, v]).astype(np.float64)
+    middle = points.mean(axis=0)
+    axis = np.linalg.svd(points - middle, full_matrices=False)[2][0]
+    axis *= 1.0 if axis @ pointing >= 0.0 else -1.0
+    end = np.sort((points - middle) @ axis)[-5:].mean()
     outlines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(outlines, key=len)[:, 0].astype(np.float64)
     near = outline[(outline - middle) @ axis > end - radius]
