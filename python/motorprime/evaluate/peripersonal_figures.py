@@ -23,7 +23,7 @@ CUTOFF = 3.0
 LEAST_SHARE = 0.1
 """Postures are judged with at least this share of the cloud inside an image."""
 _ROUND, _ROUNDS = 1000, 50  # postures drawn at a time, and how often
-_CALLS = 2000
+_CALLS = 10000
 _CHORDS = 2048
 
 
