@@ -365,3 +365,26 @@ def test_a_file_with_parts_missing_or_changed_is_refused(tmp_path, change):
     write_model(path, kind, arrays, about)
     with pytest.raises(ArgumentError, match="does not hold a whole peripersonal model"):
         PeripersonalModel.load(path)
+
+
+def test_resized_images_have_resized_ellipses():
+    small = model()
+    joints = next(
+        q
+        for q in np.random.default_rng(1).uniform(-1.0, 1.0, (200, len(small.joints)))
+        if all(small.visible(q).values())
+    )
+    shapes = {camera: (3 * height, 2 * width) for camera, (height, width) in small.shapes.items()}
+    large = small.resized(shapes)
+    assert large.shapes == shapes and large.visible(joints) == small.visible(joints)
+    stretch = np.diag([2.0, 3.0])
+    for camera, fit in small.ellipses(joints).items():
+        resized = large.ellipses(joints)[camera]
+        np.testing.assert_allclose(resized.mean, (fit.mean + 0.5) @ stretch - 0.5, rtol=1e-4, atol=1e-3)
+        factors = []
+        for l1, l2, l3 in (fit.chol, resized.chol):
+            lower = np.array([[l1, 0.0], [l2, l3]])
+            factors.append(lower @ lower.T)
+        np.testing.assert_allclose(factors[1], stretch @ factors[0] @ stretch, rtol=1e-4)
+    with pytest.raises(ArgumentError, match="expected cameras"):
+        small.resized({"top": (10, 10)})

@@ -71,6 +71,7 @@ def _run_into(folder: Path, options: ReachOptions, console: Console) -> dict[str
         options.seed,
         settings=settings,
         projection=projection,
+        peripersonal=None if options.projection == "kinematic" else shipped.peripersonal_model(robot),
         glass=options.glass,
         glass_at=options.glass_at,
         clutter=options.clutter,

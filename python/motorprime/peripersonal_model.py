@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -149,6 +150,30 @@ class PeripersonalModel:
                 "look elsewhere"
             )
         return fits
+
+    def resized(self, shapes: Mapping[str, tuple[int, int]]) -> PeripersonalModel:
+        """The model of the same cameras' images resized to other shapes (height, width).
+
+        With s_u and s_v the factors, u' = (u + 0.5) s_u - 0.5, L1' = s_u L1, L2' = s_v L2, L3' = s_v L3, and
+        v as u.
+
+        Raises:
+            ArgumentError: other cameras.
+        """
+        if set(shapes) != set(self._shapes):
+            raise ArgumentError(
+                f"shapes: expected cameras {', '.join(self._shapes)}, got {', '.join(shapes)}"
+            )
+        networks = {}
+        for camera, network in self.ellipse_networks.items():
+            (tall, wide), (height, width) = self._shapes[camera], _size(f"shapes['{camera}']", shapes[camera])
+            across, down = width / wide, height / tall
+            factor = np.array([across, down, 1.0, down, 1.0])
+            mean = network.output_mean * factor
+            mean += (0.5 * across - 0.5, 0.5 * down - 0.5, math.log(across), 0.0, math.log(down))
+            networks[camera] = replace(network, output_mean=mean, output_std=network.output_std * factor)
+        sizes = {camera: shapes[camera] for camera in self._shapes}
+        return PeripersonalModel(networks, self.view, sizes, self.joints, self.inputs, robot=self.robot)
 
     def save(self, path: str | Path) -> None:
         """Write everything to a file (safetensors); it is replaced at once or not at all.

@@ -26,7 +26,7 @@ def neural_projection(robot: Robot) -> NeuralProjection:
         StateError: the file is missing from the installation.
     """
     learned = _read(NEURAL, lambda path: NeuralProjection.load(path, robot=robot.name))
-    shapes = {name: mount.camera.shape for name, mount in robot.cameras.items()}
+    shapes = _shapes(robot)
     return learned if shapes == learned.shapes else learned.resized(shapes)
 
 
@@ -37,12 +37,18 @@ def peripersonal_model(robot: Robot) -> PeripersonalModel:
         ArgumentError: another robot.
         StateError: the file is missing from the installation.
     """
-    return _read(PERIPERSONAL, lambda path: PeripersonalModel.load(path, robot=robot.name))
+    learned = _read(PERIPERSONAL, lambda path: PeripersonalModel.load(path, robot=robot.name))
+    shapes = _shapes(robot)
+    return learned if shapes == learned.shapes else learned.resized(shapes)
 
 
 def hybrid_projection(robot: Robot) -> HybridProjection:
     """Kinematics, with room for networks that :meth:`HybridProjection.adapt` adds where they help."""
     return HybridProjection(KinematicProjection(robot))
+
+
+def _shapes(robot: Robot) -> dict[str, tuple[int, int]]:
+    return {name: mount.camera.shape for name, mount in robot.cameras.items()}
 
 
 def _read(name: str, load: Callable[[Path], T]) -> T:

@@ -11,6 +11,7 @@ import numpy as np
 from ..attention import Attention
 from ..control.reaching import Bench
 from ..peripersonal import ReachCloud
+from ..peripersonal_model import PeripersonalModel
 from ..projection import Projection
 from ..robot import Robot
 from ..sim.scene import TABLE_HEIGHT, TABLE_X, Glass, draw_layout
@@ -55,6 +56,7 @@ class Trial:
         settings: of the task.
         projection: by which the robot sees; its kinematics when not given.
         cloud: the reachable space; drawn when not given.
+        peripersonal: what the robot learned of it, to use instead of fits to the cloud.
         target: what the robot is told of the glass; shown to it when not given.
         glass: whether a glass stands there at all.
         glass_at: its x and y [m] in the root frame; drawn within reach when not given.
@@ -71,6 +73,7 @@ class Trial:
         settings: Settings | None = None,
         projection: Projection | None = None,
         cloud: ReachCloud | None = None,
+        peripersonal: PeripersonalModel | None = None,
         target: Target | None = None,
         glass: bool = True,
         glass_at: tuple[float, float] | None = None,
@@ -90,7 +93,11 @@ class Trial:
             self.task = Reach(
                 self.body,
                 target or target_of(Glass()),
-                Attention(projection or self.stage.projection, cloud=cloud or ReachCloud(robot)),
+                Attention(
+                    projection or self.stage.projection,
+                    cloud=cloud or ReachCloud(robot),
+                    peripersonal=peripersonal,
+                ),
                 BENCH,
                 settings=settings,
                 seed=generator,
