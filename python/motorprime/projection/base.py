@@ -71,29 +71,31 @@ class Projection(ABC):
         """
         targets = self._check_pixels(pixels)
         names, stacked = list(targets), np.stack(list(targets.values()))
-        best = np.full((stacked.shape[1], 3), np.nan)
-        least = np.full(len(best), np.inf)
-        for start in self._starts(targets, joints):
-            good = np.flatnonzero(~np.isnan(start[:, 0]))
-            seen = ~np.isnan(stacked[:, good, 0])
-            aims = np.where(seen[..., None], stacked[:, good], 0.0)
+        starts = np.stack(self._starts(targets, joints))
+        which = np.flatnonzero(
+            ~np.isnan(starts[:, :, 0]).ravel()
+        )  # of all starts of all points, one after another
+        point = which % starts.shape[1]
+        seen = ~np.isnan(stacked[:, point, 0])
+        aims = np.where(seen[..., None], stacked[:, point], 0.0)
 
-            def evaluate(
-                points: Floats,
-                seen: npt.NDArray[np.bool_] = seen,
-                aims: Floats = aims,
-            ) -> tuple[Floats, Floats]:
-                reached, slopes = self._linearise(points, joints)
-                errors = np.stack([reached[name] for name in names]) - aims
-                slope = np.stack([slopes[name] for name in names])
-                return np.where(seen[..., None], errors, 0.0), np.where(seen[..., None, None], slope, 0.0)
+        def evaluate(points: Floats) -> tuple[Floats, Floats]:
+            reached, slopes = self._linearise(points, joints)
+            errors = np.stack([reached[name] for name in names]) - aims
+            slope = np.stack([slopes[name] for name in names])
+            return np.where(seen[..., None], errors, 0.0), np.where(seen[..., None, None], slope, 0.0)
 
-            points, cost = refine(evaluate, start[good])
-            # Without a cost the point is behind one of its cameras, or outside what its lens can see.
-            with np.errstate(invalid="ignore"):
-                better = cost < least[good]
-            best[good[better]], least[good[better]] = points[better], cost[better]
-        return best
+        points, cost = refine(evaluate, starts.reshape(-1, 3)[which], finest=self._finest)
+        # Without a cost the point is behind one of its cameras, or outside what its lens can see.
+        costs = np.full(starts.shape[:2], np.inf)
+        costs.flat[which] = np.where(np.isnan(cost), np.inf, cost)
+        starts.reshape(-1, 3)[which] = points
+        best = costs.argmin(axis=0)
+        everyone = np.arange(len(best))
+        return np.where(np.isfinite(costs[best, everyone])[:, None], starts[best, everyone], np.nan)
+
+    _finest = 1e-9
+    """A step shorter than this [m] ends a triangulation."""
 
     @abstractmethod
     def _starts(self, pixels: Mapping[str, Floats], joints: npt.ArrayLike | None) -> list[Floats]:

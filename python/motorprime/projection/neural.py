@@ -226,6 +226,8 @@ class NeuralProjection(Projection):
         x[:, 3:] = fixed("joints", joints, (len(self.joints),))
         return x
 
+    _finest = 1e-6  # the kernels are in single precision
+
     def _linearise(
         self, points: Floats, joints: npt.ArrayLike | None
     ) -> tuple[dict[str, Floats], dict[str, Floats]]:

@@ -14,7 +14,6 @@ from ..camera import PosedCamera
 MIN_ANGLE = 1e-3
 """Two rays that enclose a smaller angle [rad] are taken as parallel."""
 
-_STEP = 1e-9  # [m], a smaller step ends the iteration
 _LEAST, _MOST = 1e-13, 1e3  # damping, in traces of the normal matrix
 
 
@@ -40,7 +39,11 @@ def nearest_to_rays(cameras: list[PosedCamera], targets: Floats) -> tuple[Floats
 
 
 def refine(
-    evaluate: Callable[[Floats], tuple[Floats, Floats]], points: Floats, *, iterations: int = 10
+    evaluate: Callable[[Floats], tuple[Floats, Floats]],
+    points: Floats,
+    *,
+    iterations: int = 10,
+    finest: float = 1e-9,
 ) -> tuple[Floats, Floats]:
     """Lower the squared reprojection error of all points at once by damped Gauss-Newton steps.
 
@@ -49,6 +52,7 @@ def refine(
             for a camera that does not count, NaN for a point that a camera cannot have in view.
         points: (N, 3) [m] to start from.
         iterations: at most.
+        finest: a step shorter than this [m] ends it.
 
     Returns:
         points (N, 3), never worse than the start, and their squared errors (N,) [px^2], NaN where a camera
@@ -78,7 +82,7 @@ def refine(
             better = new[0] < cost
         points = np.where(better[:, None], points - step, points)
         cost = np.where(better, new[0], cost)
-        moving = solvable & (np.abs(step).max(axis=1) > _STEP)
+        moving = solvable & (np.abs(step).max(axis=1) > finest)
         if not moving.any():
             break
         damping = np.where(better, np.maximum(damping / 100.0, _LEAST), np.maximum(damping, 1e-5) * 10.0)
