@@ -15,7 +15,13 @@ from motorprime import cli
 COMMANDS = (
     [],
     ["reach"],
+    ["babble"],
+    ["train"],
+    ["train", "projection"],
+    ["train", "peripersonal"],
     ["evaluate"],
+    ["evaluate", "maps"],
+    ["evaluate", "recording"],
     ["evaluate", "projection"],
     ["evaluate", "search"],
     ["evaluate", "reach"],
@@ -68,7 +74,7 @@ def test_help(run, command):
     assert "--help" in out
 
 
-@pytest.mark.parametrize("command", [[], ["evaluate"]], ids=" ".join)
+@pytest.mark.parametrize("command", [[], ["train"], ["evaluate"]], ids=" ".join)
 def test_commands_are_listed_in_whole_sentences_on_80_columns(run, monkeypatch, command):
     monkeypatch.setenv("COLUMNS", "80")
     _, out, _ = run(*command, "--help")

@@ -20,6 +20,7 @@ from .errors import (
     StateError,
     UnreachableError,
 )
+from .hand_map import HandMap, learn_hand_map
 from .landscape import (
     gaussian_landscape,
     gaussian_landscapes,
@@ -32,8 +33,20 @@ from .landscape import (
 from .motorplan import motorplan_landscape
 from .peripersonal import ReachCloud, fit_gaussian, fit_peripersonal
 from .peripersonal_model import PeripersonalModel
-from .projection import KinematicProjection, PinholeProjection, PosedProjection, Projection
+from .projection import (
+    Calibration,
+    HybridProjection,
+    KinematicProjection,
+    NeuralProjection,
+    PinholeProjection,
+    PosedProjection,
+    Priors,
+    Projection,
+    calibrate,
+)
+from .recordings import read_recording, read_table
 from .robot import ICUB, Robot
+from .samples import Samples
 from .step import Attended, attention_step
 
 __version__ = _version("motorprime")
@@ -44,31 +57,38 @@ __all__ = [
     "ArgumentTypeError",
     "Attended",
     "Attention",
+    "Calibration",
     "Camera",
     "Detections",
     "Detector",
     "Error",
     "Everywhere",
+    "HandMap",
     "HistogramDetector",
+    "HybridProjection",
     "KinematicProjection",
     "Look",
     "Mask",
     "MissingExtraError",
     "Mlp",
+    "NeuralProjection",
     "NotInViewError",
     "PeripersonalModel",
     "PinholeProjection",
     "PosedCamera",
     "PosedProjection",
+    "Priors",
     "Projection",
     "ReachCloud",
     "Robot",
+    "Samples",
     "StateError",
     "Tiles",
     "UnreachableError",
     "Windows",
     "__version__",
     "attention_step",
+    "calibrate",
     "fit_gaussian",
     "fit_peripersonal",
     "gaussian_landscape",
@@ -76,7 +96,10 @@ __all__ = [
     "gibbs_sample",
     "kernel_landscape",
     "kernel_landscapes",
+    "learn_hand_map",
     "motorplan_landscape",
+    "read_recording",
+    "read_table",
     "sample",
     "threshold",
 ]

@@ -63,6 +63,17 @@ def fixed(name: str, value: npt.ArrayLike, shape: tuple[int, ...]) -> Floats:
     return finite(name, array)
 
 
+def rigid(name: str, value: npt.ArrayLike) -> Floats:
+    """Return ``value`` as a rigid motion (4, 4), to 1e-5."""
+    pose = fixed(name, value, (4, 4))
+    turn = pose[:3, :3]
+    if not np.array_equal(pose[3], (0.0, 0.0, 0.0, 1.0)):
+        raise ArgumentError(f"{name}: expected the last row 0, 0, 0, 1, got {pose[3].tolist()}")
+    if np.abs(turn.T @ turn - np.eye(3)).max() > 1e-5 or np.linalg.det(turn) < 0.0:
+        raise ArgumentError(f"{name}: expected a rotation in {name}[:3, :3], got {turn.tolist()}")
+    return pose
+
+
 def integer(name: str, value: object, *, at_least: int) -> int:
     """Return ``value`` as an int; a bool or a float is an :class:`ArgumentTypeError`."""
     if isinstance(value, bool) or not hasattr(value, "__index__"):

@@ -14,7 +14,7 @@ from os import PathLike
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import Floats, finite, fixed, image_shape, integer, numbers, rows
+from ._arrays import Floats, finite, fixed, image_shape, integer, numbers, rigid, rows
 from .errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
 from .lens import Lens
 
@@ -253,12 +253,7 @@ class PosedCamera:
         """Check the pose and keep a read-only copy."""
         if not isinstance(self.camera, Camera):
             raise ArgumentTypeError(f"camera: expected a Camera, got {type(self.camera).__name__}")
-        pose = fixed("pose", self.pose, (4, 4)).copy()
-        rotation = pose[:3, :3]
-        if not np.array_equal(pose[3], (0.0, 0.0, 0.0, 1.0)):
-            raise ArgumentError(f"pose: expected the last row 0, 0, 0, 1, got {pose[3].tolist()}")
-        if np.abs(rotation.T @ rotation - np.eye(3)).max() > 1e-5 or np.linalg.det(rotation) < 0.0:
-            raise ArgumentError(f"pose: expected a rotation in pose[:3, :3], got {rotation.tolist()}")
+        pose = rigid("pose", self.pose).copy()
         pose.setflags(write=False)
         object.__setattr__(self, "pose", pose)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import Floats, fixed, generator, image_shape, integer, numbers, rows
+from ._arrays import Floats, generator, image_shape, integer, numbers, rigid, rows
 from .errors import ArgumentError, NotInViewError, StateError
 from .kinematics import apply
 from .projection import Projection
@@ -68,7 +68,7 @@ class ReachCloud:
     ) -> None:
         size = integer("size", size, at_least=MIN_INSIDE)
         self.robot = robot
-        tip = robot.palm.frame if tool is None else robot.palm.frame @ _rigid("tool", tool)
+        tip = robot.palm.frame if tool is None else robot.palm.frame @ rigid("tool", tool)
         limits = robot.limits(robot.arm)
         angles = generator(seed).uniform(limits[:, 0], limits[:, 1], (size, len(limits)))
         poses = robot.arm_chain.forward(angles) @ tip
@@ -196,13 +196,3 @@ def depths_of(projection: Projection, points: Floats, joints: npt.ArrayLike) -> 
         return projection.depths(points, joints)
     except StateError:
         return {}
-
-
-def _rigid(name: str, value: npt.ArrayLike) -> Floats:
-    """``value`` checked: a rigid motion (4, 4)."""
-    pose = fixed(name, value, (4, 4))
-    turn = pose[:3, :3]
-    rotates = np.abs(turn.T @ turn - np.eye(3)).max() <= 1e-5 and np.linalg.det(turn) > 0.0
-    if not rotates or not np.array_equal(pose[3], (0.0, 0.0, 0.0, 1.0)):
-        raise ArgumentError(f"{name}: expected a rigid motion (4, 4), got {pose.tolist()}")
-    return pose

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .._arrays import Floats, finite, fixed, generator, integer, numbers
+from .._arrays import Floats, finite, generator, integer, not_negative, numbers
 from ..errors import ArgumentError, StateError
 from ..projection.base import inside
 from ..robot import Robot
@@ -48,7 +48,7 @@ def draw_samples(
         StateError: the hand is never in view.
     """
     count = integer("count", count, at_least=1)
-    noise, nearest = _not_negative("noise", noise), _not_negative("nearest", nearest)
+    noise, nearest = not_negative("noise", noise), not_negative("nearest", nearest)
     if (robot.gaze, robot.arm, tuple(robot.cameras)) != (nominal.gaze, nominal.arm, tuple(nominal.cameras)):
         raise ArgumentError(
             f"nominal: expected the joints and cameras of robot '{robot.name}', got those of '{nominal.name}'"
@@ -108,10 +108,3 @@ def _seen(robot: Robot, name: str, posture: Floats, points: Floats, nearest: flo
     local = np.einsum("nji,nj->ni", pose[:, :3, :3], points - pose[:, :3, 3])
     pixels = camera.project(local)
     return np.where((inside(pixels, camera.shape) & (local[:, 2] >= nearest))[:, None], pixels, np.nan)
-
-
-def _not_negative(name: str, value: float) -> float:
-    number = float(fixed(name, value, ()))
-    if number < 0.0:
-        raise ArgumentError(f"{name}: expected a number >= 0, got {number}")
-    return number
