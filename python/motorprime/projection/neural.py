@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from .._arrays import Floats, finite, fixed, integer, positive, rows
+from .._arrays import Floats, finite, fixed, integer, numbers, positive, rows
 from ..errors import ArgumentError, ArgumentTypeError
 from ..learning.network import Network
 from ..model_files import read_model, write_model
@@ -220,10 +220,18 @@ class NeuralProjection(Projection):
     def _inputs(self, points: npt.ArrayLike, joints: npt.ArrayLike | None) -> Floats:
         if joints is None:
             raise ArgumentError(f"joints: a posture of {self.joints} is needed, got None")
-        points = rows("points", points, 3)
-        x = np.empty((len(points), 3 + len(self.joints)))
-        x[:, :3] = points
-        x[:, 3:] = fixed("joints", joints, (len(self.joints),))
+        place, posture = numbers("points", points), numbers("joints", joints)
+        if place.ndim != 2 or place.shape[1] != 3 or posture.shape != (len(self.joints),):
+            (
+                rows("points", place, 3),
+                fixed("joints", posture, (len(self.joints),)),
+            )  # one of them says what is wrong
+        x = np.empty((len(place), 3 + len(self.joints)))
+        x[:, :3] = place
+        x[:, 3:] = posture
+        if not np.isfinite(x).all():
+            finite("points", place)
+            finite("joints", posture)
         return x
 
     _finest = 1e-6  # the kernels are in single precision
