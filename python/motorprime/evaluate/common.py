@@ -60,8 +60,16 @@ def table(title: str, result: Mapping[str, Any]) -> Table:
     shown.add_column("figure")
     shown.add_column("value", justify="right")
     for name, value in _flat(result):
-        shown.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
+        shown.add_row(name, _text(value))
     return shown
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return ", ".join(map(_text, value))
+    return str(value)
 
 
 def check_writable(path: Path, name: str = "json") -> None:
