@@ -140,8 +140,9 @@ def adapted_shot(
         before.set_yscale("log")
         before.set_ylabel("median error [px]")
         before.set_title("each robot: before and after 100 samples")
-        for model, points in curve.items():
-            after.plot(list(points), list(points.values()), "-o", ms=4, color=colours[model], label=model)
+        for (model, points), style in zip(curve.items(), ("-o", "-o", "--o"), strict=False):
+            # The hybrid is dashed: it is the calibrated kinematics where no network helps.
+            after.plot(list(points), list(points.values()), style, ms=4, color=colours[model], label=model)
         after.axhline(own, color=FULL, lw=1, ls="--")
         after.annotate(
             "the network on its own robot",
