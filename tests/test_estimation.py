@@ -103,6 +103,16 @@ def test_without_noise_the_pixels_come_back_closely(robot, real):
     assert median(robot, result.calibration, draw_samples(real, robot, 300, 11)) < 0.01
 
 
+def test_degrees_and_millimetres_are_refused(robot, real):
+    samples = draw_samples(real, robot, 40, 3)
+    degrees = Samples(samples.names, np.rad2deg(samples.joints), samples.pixels, samples.points)
+    with pytest.raises(ArgumentError, match="radians expected"):
+        calibrate(robot, degrees)
+    millimetres = Samples(samples.names, samples.joints, samples.pixels, 1e3 * samples.points)
+    with pytest.raises(ArgumentError, match="metres expected"):
+        calibrate(robot, millimetres)
+
+
 def test_the_hand_alone_calibrates_eyes_and_arm(robot, wrong_arm):
     """Hand-eye: no points, the arm's encoders are off, and the marker is not where the model has the palm."""
     frame = wrong_arm.palm.frame.copy()

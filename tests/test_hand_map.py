@@ -79,6 +79,17 @@ def test_joints_that_never_moved_are_named_and_not_looked_at(learned):
     np.testing.assert_array_equal(learned.hand_pixels(joints)["left"], learned.hand_pixels(turned)["left"])
 
 
+def test_a_joint_that_one_camera_never_saw_move_is_not_known():
+    both = samples(200, 1)
+    joints = both.joints.copy()
+    joints[:100, 1], joints[100:, 1] = 0.2, np.random.default_rng(2).uniform(-1.0, 1.0, 100)
+    right = both.pixels["right"].copy()
+    right[100:] = np.nan  # it saw the hand while the middle joint stood still
+    hand_map = learn_hand_map(Samples(NAMES, joints, {"left": both.pixels["left"], "right": right}), seed=4)
+    assert list(hand_map.constant) == ["stiff"]
+    assert hand_map.inside([[0.0, 0.2, 0.0], [0.0, 0.9, 0.0]]).tolist() == [True, False]
+
+
 def test_inside_is_the_range_of_training(learned):
     middle = np.array([0.2, 0.2, -0.2])
     assert learned.inside(middle).tolist() == [True]

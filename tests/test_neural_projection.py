@@ -273,6 +273,53 @@ def test_bad_postures_and_points_are_refused(learned):
         NeuralProjection(learned.learned, ("a", "b", "c"), robot="head", points=point)
 
 
+def test_points_far_from_all_that_was_babbled_have_no_pixel(learned):
+    rng = np.random.default_rng(2)
+    around = rng.normal(size=(300, 3))
+    around /= np.linalg.norm(around, axis=1, keepdims=True)
+    for radius in (3.0, 10.0, 1e3, 1e30):
+        for camera, pixels in learned.project(radius * around, [0.0, 0.0]).items():
+            assert np.isnan(pixels).all()
+            assert not learned.visible(radius * around, [0.0, 0.0])[camera].any()
+    far = {camera: np.full((1, 2), 1e9) for camera in SHAPES}
+    assert np.isnan(learned.triangulate(far, [0.0, 0.0])).all()
+
+
+def test_samples_in_other_units_or_of_other_cameras_are_refused(learned):
+    samples = babble(Head(), 60, 1)
+    degrees = Samples(samples.names, np.rad2deg(samples.joints), samples.pixels, samples.points)
+    with pytest.raises(ArgumentError, match=r"(pan|tilt) = .* metres and radians expected"):
+        learned.adapt(degrees)
+    millimetres = Samples(samples.names, samples.joints, samples.pixels, 1e3 * samples.points)
+    with pytest.raises(ArgumentError, match=r"[xyz] = .* metres and radians expected"):
+        learned.adapt(millimetres)
+    other = Samples(samples.names, samples.joints, {"top": samples.pixels["left"]}, samples.points)
+    with pytest.raises(ArgumentError, match="no camera 'top'; there are left, right"):
+        learned.adapt(other)
+    for nothing in (None, {}):
+        with pytest.raises(ArgumentTypeError, match="samples: expected Samples"):
+            learned.adapt(nothing)
+
+
+def test_one_more_sample_is_enough_to_go_on(learned):
+    adapted = learned.adapt(babble(other_head(), 60, 6))
+    one = babble(other_head(), 400, 7)
+    seen = np.flatnonzero(one.seen("left"))[:1]
+    again = adapted.adapt(one.take(seen))
+    assert again.correction.samples > adapted.correction.samples
+
+
+@pytest.mark.parametrize("error", [-1.0, 0.0, "x", None])
+def test_a_file_whose_error_is_no_positive_number_is_refused(learned, tmp_path, error):
+    path = tmp_path / "weights.safetensors"
+    learned.save(path)
+    arrays, about = read_model(path, "neural projection")
+    about["cameras"]["left"]["error"] = error
+    write_model(path, "neural projection", arrays, about)
+    with pytest.raises(ArgumentError):
+        NeuralProjection.load(path)
+
+
 def test_no_points_give_no_pixels(learned):
     assert all(pixels.shape == (0, 2) for pixels in learned.project(np.zeros((0, 3)), [0.0, 0.0]).values())
 

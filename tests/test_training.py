@@ -76,6 +76,15 @@ def test_training_options_that_make_no_sense_are_refused(folders, tmp_path):
         assert result.exit_code == 2 and "--hidden" in result.output
     result = run("train", "projection", near, "--out", weights, "--hidden", "400,400")
     assert isinstance(result.exception, ArgumentError) and "too few" in str(result.exception)
+    result = run("train", "projection", near, near, "--out", weights)
+    assert isinstance(result.exception, ArgumentError) and "the same samples" in str(result.exception)
+    result = run("train", "projection", near, "--out", weights, "--workers", 2)
+    assert isinstance(result.exception, ArgumentError) and "--grid" in str(result.exception)
+    result = run("train", "projection", near, "--out", weights, "--report", tmp_path / "x.txt")
+    assert isinstance(result.exception, ArgumentError) and ".html" in str(result.exception)
+    result = run("train", "projection", near, "--out", weights, "--grid", tmp_path / "grid")
+    assert isinstance(result.exception, ArgumentError) and "too few" in str(result.exception)
+    assert not (tmp_path / "grid").exists()
     arm = tmp_path / "arm"
     assert run("babble", arm, "--what", "arm", "--samples", 20).exit_code == 0
     result = run("train", "projection", arm, "--out", weights)

@@ -45,7 +45,7 @@ class HandMap:
     Attributes:
         names: the J joints, in the order of the columns of ``joints``.
         constant: {joint: angle [rad]} of those that never moved in training; the map knows nothing of them.
-        low, high: (J,) range of each joint in training [rad].
+        low, high: (J,) range of each joint in training [rad] over which every camera saw the hand.
         networks: {camera: network from the joints that moved to (u, v)}, as trained.
         errors: {camera: median error [px] on samples that it has not learned from}.
         correction: of the networks by later samples.
@@ -199,7 +199,8 @@ def learn_hand_map(
     iterations = integer("iterations", iterations, at_least=1)
     if not len(samples):
         raise ArgumentError("samples: expected at least one, got none")
-    still = np.ptp(samples.joints, axis=0) < _STILL
+    low, high = _known_range(samples)
+    still = high - low < _STILL
     if still.all():
         raise ArgumentError(
             f"samples: none of the joints {', '.join(samples.names)} moves; there is nothing to learn from"
@@ -227,12 +228,21 @@ def learn_hand_map(
     return HandMap(
         names=samples.names,
         constant={name: float(middle[k]) for k, name in enumerate(samples.names) if still[k]},
-        low=samples.joints.min(axis=0),
-        high=samples.joints.max(axis=0),
+        low=low,
+        high=high,
         networks=networks,
         errors=errors,
         correction=_nothing_known(moving, tuple(networks)),
     )
+
+
+def _known_range(samples: Samples) -> tuple[Floats, Floats]:
+    """Range (J,), (J,) of each joint that every camera knows: one may have seen the hand on one side only."""
+    seen = [samples.joints[samples.seen(camera)] for camera in samples.cameras]
+    parts = [joints for joints in seen if len(joints)] or [samples.joints]
+    low = np.max([joints.min(axis=0) for joints in parts], axis=0)
+    high = np.min([joints.max(axis=0) for joints in parts], axis=0)
+    return low, high
 
 
 def _check(samples: object) -> None:

@@ -19,10 +19,9 @@ from .learning.projections import SIGHT_ITERATIONS, Lesson, Watch, learn_project
 from .learning.selection import ARCHITECTURES, Grid, Outcome, dashed, search, summary
 from .learning.store import Store
 from .projection.neural import NeuralProjection, inputs_of
-from .report import check_plots
 from .report.maps import errors_shot, grid_shot, learned_shot, training_shot
 from .report.picture import check_picture, save_picture
-from .report.sheet import Section, Sheet, write_sheet
+from .report.sheet import Section, Sheet, check_report, write_sheet
 from .samples import Samples
 
 MOST = 10_000
@@ -58,8 +57,10 @@ def run_train(options: TrainOptions, console: Console) -> dict[str, Any]:
     """
     check_writable(options.output, "out")
     if options.report is not None:
-        check_plots()
+        check_report(options.report)
         check_writable(options.report, "report")
+    if options.grid is None and (options.workers > 1 or options.scheduler is not None):
+        raise ArgumentError("workers, scheduler: they share a search; give --grid FOLDER too")
     samples, robot, shapes = load_babble(options.folders)
     result: dict[str, Any] = {"samples": len(samples), "robot": robot}
     found: list[Outcome] = []
@@ -119,6 +120,7 @@ def run_train_peripersonal(options: PeripersonalOptions, console: Console) -> di
     check_writable(options.output, "out")
     if options.picture is not None:
         check_picture(options.picture)
+        check_writable(options.picture, "picture")
     robot = load_icub()
     with watching(console, options.iterations) as watch:
         model, report = learn_peripersonal(
@@ -158,8 +160,19 @@ def load_babble(folders: Sequence[Path]) -> tuple[Samples, str, dict[str, tuple[
                 f"folders: {store.folder} holds samples of the {store.manifest.kind}; "
                 "a projection learns from 'motorprime babble --what gaze'"
             )
+        if store.manifest.kind != first.kind:
+            raise ArgumentError(
+                f"folders: {stores[0].folder} holds samples of kind '{first.kind}', {store.folder} of "
+                f"kind '{store.manifest.kind}'; train on one kind"
+            )
         if store.manifest.fingerprint != first.fingerprint:
             raise ArgumentError(f"folders: {stores[0].folder} and {store.folder} are of different robots")
+    drawn = [(store.manifest.mode, store.manifest.seed) for store in stores]
+    if len(set(drawn)) < len(drawn):
+        raise ArgumentError(
+            "folders: two of them hold the same samples, of one mode and seed; "
+            "what is trained on would be tested on"
+        )
     samples = stores[0].samples(None)
     for store in stores[1:]:
         samples = samples.joined(store.samples(None))
@@ -278,7 +291,7 @@ def _write_report(
     sheet = Sheet(
         title="A learned projection from the workspace to the eyes",
         headline=(
-            "From a point's place and nine joint angles the networks tell its pixel to ",
+            f"From a point's place and {len(samples.names)} joint angles the networks tell its pixel to ",
             f"{result['median_px']:.1f} px",
             ", in the median over places and postures that they were not trained on.",
         ),

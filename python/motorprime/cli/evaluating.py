@@ -72,8 +72,11 @@ def _maps(
     """
     from ..evaluate.common import Progress, check_writable, table, write_json
     from ..evaluate.maps import QUICK, evaluate_maps, report_maps
+    from ..report.sheet import check_report
     from ..sim.icub import load_icub
 
+    if report is not None:
+        check_report(report)
     for path, option in ((json_file, "json"), (report, "report")):
         if path is not None:
             check_writable(path, option)

@@ -18,13 +18,17 @@ def babble(
     folder: Annotated[
         Path, typer.Argument(help="Folder of the samples; made if it is missing, continued if not.")
     ],
-    samples: Annotated[int, typer.Option(min=1, help="How many it is to hold in the end.")] = 15000,
+    samples: Annotated[
+        int, typer.Option(min=1, max=10**7, help="How many it is to hold in the end.")
+    ] = 15000,
     what: Annotated[str, typer.Option(help="gaze, arm or marker; see above.")] = "gaze",
     mode: Annotated[
         str, typer.Option(help="near: postures that have the ball in view; uniform: all postures.")
     ] = "near",
     seed: Seed = 1,
-    workers: Annotated[int, typer.Option(min=1, help="Processes that compute beside each other.")] = 1,
+    workers: Annotated[
+        int, typer.Option(min=1, max=256, help="Processes that compute beside each other.")
+    ] = 1,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler whose workers compute instead.")
     ] = None,
@@ -88,7 +92,9 @@ def _train_projection(
     grid_samples: Annotated[int, typer.Option(min=1, help="Samples for the search, at most.")] = 4000,
     grid_iterations: Annotated[int, typer.Option(min=1, help="Iterations in the search, at most.")] = 100,
     runs: Annotated[int, typer.Option(min=1, help="Runs of each architecture in the search.")] = 10,
-    workers: Annotated[int, typer.Option(min=1, help="Processes that search beside each other.")] = 1,
+    workers: Annotated[
+        int, typer.Option(min=1, max=256, help="Processes that search beside each other.")
+    ] = 1,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler whose workers search instead.")
     ] = None,

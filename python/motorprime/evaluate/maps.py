@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from .._arrays import Floats
-from ..errors import ArgumentError
 from ..learning.babbling import Source, babble
 from ..learning.levenberg_marquardt import train
 from ..learning.peripersonal import learn_peripersonal
@@ -334,7 +333,4 @@ def report_maps(maps: Maps, path: Path) -> None:
         ],
         footer=f"motorprime evaluate maps --seed {figures['seed']}; {figures['samples']} samples babbled.",
     )
-    try:
-        write_sheet(path, sheet)
-    except OSError as error:
-        raise ArgumentError(f"report: cannot write {path}: {error.strerror}") from None
+    write_sheet(path, sheet)

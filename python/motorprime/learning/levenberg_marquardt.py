@@ -113,7 +113,7 @@ def train(
     sizes = (x.shape[1], *hidden, y.shape[1])
     if not np.ptp(x, axis=0).any():
         raise ArgumentError("x: no input ever changes; there is nothing to learn from")
-    _enough(len(x), len(parts.train), sizes)
+    check_enough(len(x), sizes)
     best: Training | None = None
     for restart in range(restarts):
         start = Network.random(sizes, rng, x[parts.train], y[parts.train])
@@ -245,10 +245,14 @@ def _solve(hessian: Floats, gradient: Floats, mu: float) -> Floats | None:
     return step if np.isfinite(step).all() else None
 
 
-def _enough(count: int, training: int, sizes: tuple[int, ...]) -> None:
+def check_enough(count: int, sizes: tuple[int, ...]) -> None:
+    """Raise an :class:`ArgumentError` where ``count`` samples are too few for a network's weights.
+
+    The training part has to have half as many labels as the network has weights.
+    """
     weights = sum((fan_in + 1) * fan_out for fan_in, fan_out in pairwise(sizes))
-    needed = int(np.ceil(weights / 2 / sizes[-1] / SHARES[0]))
-    if training * sizes[-1] * 2 < weights:
+    if round(SHARES[0] * count) * sizes[-1] * 2 < weights:
+        needed = int(np.ceil(weights / 2 / sizes[-1] / SHARES[0]))
         raise ArgumentError(
             f"samples: {count} are too few for the {weights} weights of {'-'.join(map(str, sizes))}; "
             f"at least {needed} are needed, or smaller hidden layers"

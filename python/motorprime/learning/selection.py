@@ -19,7 +19,7 @@ import numpy as np
 
 from .._arrays import Floats, integer
 from ..errors import ArgumentError, StateError
-from .levenberg_marquardt import split, train
+from .levenberg_marquardt import check_enough, split, train
 from .network import data
 from .workers import run
 
@@ -150,10 +150,13 @@ def search(
         scheduler: address of a Dask scheduler instead, see :func:`motorprime.learning.workers.run`.
 
     Raises:
-        ArgumentError: the folder belongs to a search over other data or with another seed.
+        ArgumentError: too few samples for one of the architectures, or the folder belongs to a search over
+            other data or with another seed.
         StateError: an outcome cannot be written, or a file in the folder was cut off.
     """
     folder = Path(folder)
+    for hidden in grid.architectures:
+        check_enough(len(grid.x), (grid.x.shape[1], *hidden, grid.y.shape[1]))
     _claim(folder, grid.describe())
     open_runs = []
     for candidate in grid.candidates():

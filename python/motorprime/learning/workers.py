@@ -132,7 +132,7 @@ def _on_cluster(
         _knock(address, timeout)
         try:
             client: Any = connect(address, timeout=timeout, set_as_default=False)
-        except (OSError, TimeoutError) as error:
+        except Exception as error:  # what does not speak Dask may make it raise anything
             raise _silent(address, error) from None
         with client:
             yield from _gathered(client, _Task(function), items, address, timeout)
@@ -157,7 +157,7 @@ def _knock(address: str, timeout: float) -> None:
         raise _silent(address, error) from None
 
 
-def _silent(address: str, error: OSError) -> StateError:
+def _silent(address: str, error: Exception) -> StateError:
     return StateError(f"scheduler: {address} does not answer ({error}); does 'dask scheduler' run there?")
 
 

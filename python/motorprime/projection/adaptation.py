@@ -157,10 +157,11 @@ def adapt_networks(
     """
     seen = {camera: ~np.isnan(labels[:, 0]) for camera, labels in pixels.items()}
     count = sum(int(there.sum()) for there in seen.values())
-    if count < MIN_SAMPLES:
+    needed = 1 if correction.samples else MIN_SAMPLES
+    if count < needed:
         raise ArgumentError(
             f"samples: {count} labels in {', '.join(networks)} are too few to adapt by; "
-            f"at least {MIN_SAMPLES} are needed, about 100 are good"
+            f"at least {needed} are needed, about 100 are good"
         )
     prior = _precision(correction) if correction.precision is None else correction.precision
     mean = correction.vector

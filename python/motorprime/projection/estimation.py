@@ -25,6 +25,8 @@ OUTLIER = 5.0
 
 _STILL = 1e-4  # [rad], a joint that moves less did not move
 _LOST = 1e3  # [px], the residual of a sample that the model puts behind its camera
+_BEYOND = 1.0  # [rad], so far beyond its limits no joint gets, whatever its offset
+_REMOTE = 50.0  # [m], farther from the root no hand reaches
 _ENOUGH = 1e-4  # promised decrease of the cost, in units of half a squared standard deviation
 _MEDIAN = 1.1774  # the median length of two standard normal numbers
 
@@ -253,6 +255,25 @@ def _check_samples(robot: Robot, samples: Samples, needed: int) -> None:
         raise ArgumentError(f"samples: no camera saw the point in any of {len(samples)} samples")
     if seen < needed:
         raise ArgumentError(f"samples: at least {needed} in view are needed, got {seen}")
+    _check_units(robot, samples)
     for name, mount in robot.cameras.items():
         if any(mount.camera.distortion[12:]):
             raise ArgumentError(f"robot: camera '{name}' has a tilted sensor, which cannot be calibrated")
+
+
+def _check_units(robot: Robot, samples: Samples) -> None:
+    """Raise an :class:`ArgumentError` for degrees or millimetres."""
+    known = tuple(name for name in samples.names if name in (*robot.gaze, *robot.arm))
+    angles, limits = samples.columns(known), robot.limits(known)
+    wild = (angles < limits[:, 0] - _BEYOND) | (angles > limits[:, 1] + _BEYOND)
+    if wild.any():
+        row, column = (int(k) for k in np.argwhere(wild)[0])
+        raise ArgumentError(
+            f"samples: {known[column]} = {angles[row, column]:g} in row {row} is far beyond its limits; "
+            "radians expected"
+        )
+    if samples.points is not None and np.abs(samples.points).max(initial=0.0) > _REMOTE:
+        row = int(np.argmax(np.abs(samples.points).max(axis=1)))
+        raise ArgumentError(
+            f"samples: the point of row {row} is at {samples.points[row].tolist()}; metres expected"
+        )

@@ -22,6 +22,11 @@ UNSEEN = -0.7
 """Below this judgement a point is taken as far out of view, where the network for pixels knows nothing. What
 is in view and judged lower is 0.1 to 0.8 % of the points; near the border the pixel itself tells better."""
 
+KNOWN = 5.0
+"""Points farther from the mean of those seen in training, in their standard deviations, are not known."""
+ABSURD = 10.0
+"""So far off its mean in training is no joint and no point of samples that are in radians and metres."""
+
 
 @dataclass(frozen=True, eq=False)
 class LearnedCamera:
@@ -51,7 +56,8 @@ class NeuralProjection(Projection):
         correction: what adapting has learned so far, see :meth:`adapt`.
 
     Raises:
-        ArgumentError: networks whose inputs are not three coordinates and the joints.
+        ArgumentError: networks whose inputs are not three coordinates and the joints, an error that is no
+            positive number, no points.
     """
 
     def __init__(
@@ -77,11 +83,14 @@ class NeuralProjection(Projection):
                         f"learned['{camera}'].{name}: a network from 3 coordinates and {len(self.joints)} "
                         f"joints to {outputs} expected, got sizes {network.sizes}"
                     )
+            positive(f"learned['{camera}'].error", part.error)
         self._starting = rows("points", points, 3)
         if len(self._starting) == 0:
             raise ArgumentError("points: expected at least one place, got none")
-            positive(f"learned['{camera}'].error", part.error)
-        first = next(iter(self.learned.values())).place
+        places = [part.place for part in self.learned.values()]
+        self._low = np.min([p.input_mean[:3] - KNOWN * p.input_std[:3] for p in places], axis=0)
+        self._high = np.max([p.input_mean[:3] + KNOWN * p.input_std[:3] for p in places], axis=0)
+        first = places[0]
         self.correction = correction or Correction.none(first, tuple(self.learned))
         self._places = {
             name: self.correction.apply_to_pixels(name, part.place).mlp()
@@ -102,16 +111,35 @@ class NeuralProjection(Projection):
     def project(self, points: npt.ArrayLike, joints: npt.ArrayLike | None = None) -> dict[str, Floats]:
         """Project points (N, 3) to pixels {name: (N, 2)}; see :meth:`Projection.project`.
 
-        A row is NaN where the point is far out of the camera's view, be it behind it: the networks have
-        learned from what was seen, and elsewhere say anything.
+        A row is NaN where the point is far out of the camera's view, be it behind it, or far from all that
+        was babbled: the networks have learned from what was seen, and elsewhere say anything.
         """
         x = self._inputs(points, joints)
+        far = self._far(x[:, :3])
         pixels: dict[str, Floats] = {}
         for name, place in self._places.items():
             there = place(x).astype(np.float64)
             there[self._sights[name](x)[:, 0] < UNSEEN] = np.nan
+            if far is not None:
+                there[far] = np.nan
             pixels[name] = there
         return pixels
+
+    def triangulate(self, pixels: Mapping[str, npt.ArrayLike], joints: npt.ArrayLike | None = None) -> Floats:
+        """Return the points (N, 3) [m] that appear at pixels; see :meth:`Projection.triangulate`.
+
+        A row is NaN where the pixels lead far from all that was babbled, too.
+        """
+        points = super().triangulate(pixels, joints)
+        far = self._far(points)
+        if far is not None:
+            points[far] = np.nan
+        return points
+
+    def _far(self, points: Floats) -> npt.NDArray[np.bool_] | None:
+        """Which of the points (N, 3) are far from those of training; None where none is."""
+        beyond = (points < self._low) | (points > self._high)
+        return np.asarray(beyond.any(axis=1)) if beyond.any() else None
 
     def jacobian(self, points: npt.ArrayLike, joints: npt.ArrayLike | None = None) -> dict[str, Floats]:
         """Derivatives {name: (N, 2, 3)} [px / m] of ``project`` by the points."""
@@ -128,7 +156,13 @@ class NeuralProjection(Projection):
         Raises:
             ArgumentError: other joints or cameras, samples without points, or too few of them.
         """
+        if not isinstance(samples, Samples):
+            raise ArgumentTypeError(f"samples: expected Samples, got {type(samples).__name__}")
+        unknown = [camera for camera in samples.cameras if camera not in self.learned]
+        if unknown:
+            raise ArgumentError(f"samples: no camera '{unknown[0]}'; there are {', '.join(self.learned)}")
         x = self.inputs_of(samples)
+        self._check_units(x)
         networks = {name: part.place for name, part in self.learned.items()}
         pixels = {name: samples.pixels[name] for name in self.cameras if name in samples.pixels}
         errors = {name: part.error for name, part in self.learned.items()}
@@ -169,6 +203,19 @@ class NeuralProjection(Projection):
             ArgumentError: samples without points, or of a robot without these joints.
         """
         return inputs_of(samples, self.joints)
+
+    def _check_units(self, x: Floats) -> None:
+        """Raise an :class:`ArgumentError` for degrees or millimetres."""
+        place = next(iter(self.learned.values())).place
+        off = np.abs((x - place.input_mean) / place.input_std)
+        off[:, list(place.constant)] = 0.0
+        if (off > ABSURD).any():
+            row, column = (int(k) for k in np.argwhere(off > ABSURD)[0])
+            name = ("x", "y", "z", *self.joints)[column]
+            raise ArgumentError(
+                f"samples: {name} = {x[row, column]:g} in row {row} is far from all that was babbled; "
+                "metres and radians expected"
+            )
 
     def save(self, path: str | Path) -> None:
         """Write everything to a file (safetensors); it is replaced at once or not at all.

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from ..errors import ArgumentError
 from .document import Shot, cards, document, figure, strong, write_whole
+from .plots import check_plots
 
 
 @dataclass(frozen=True)
@@ -48,11 +50,23 @@ class Sheet:
     footer: str
 
 
+def check_report(path: Path) -> None:
+    """Raise now what :func:`write_sheet` and the plots would raise at the end.
+
+    Raises:
+        ArgumentError: the file's name does not end with .html.
+        MissingExtraError: matplotlib is missing.
+    """
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise ArgumentError(f"report: a file name that ends with .html expected, got {path}")
+    check_plots()
+
+
 def write_sheet(path: Path, sheet: Sheet) -> None:
     """Write the sheet as one HTML file that needs nothing else; it appears whole or not at all.
 
     Raises:
-        OSError: it cannot be written.
+        ArgumentError: it cannot be written.
     """
     body = [
         '<p class="kicker">motorprime · motor-primed visual attention</p>\n'
@@ -61,7 +75,10 @@ def write_sheet(path: Path, sheet: Sheet) -> None:
         *(_section(section) for section in sheet.sections),
         f"<footer>{escape(sheet.footer)}</footer>",
     ]
-    write_whole(path, document(sheet.title, body))
+    try:
+        write_whole(path, document(sheet.title, body))
+    except OSError as error:
+        raise ArgumentError(f"report: cannot write {path}: {error.strerror}") from None
 
 
 def _section(section: Section) -> str:
