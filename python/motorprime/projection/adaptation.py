@@ -27,11 +27,11 @@ from ..learning.network import Network
 
 POINT_OFFSET, JOINT_OFFSET = 0.01, 0.03
 """Prior standard deviations of b: of the point's coordinates [m] and of the joints [rad]."""
-MIXING = 0.002
+MIXING = 0.001
 """Prior standard deviation of A: metres or radians for an input one standard deviation off its mean."""
 SCALE, SHIFT = 0.03, 10.0
 """Prior standard deviations of C, and of d [px]."""
-HUBER = 1.5
+HUBER = 0.7
 """Errors beyond so many times the network's own count linearly."""
 MIN_SAMPLES = 10
 _ITERATIONS = 30
