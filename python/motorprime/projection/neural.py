@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -88,8 +89,9 @@ class NeuralProjection(Projection):
         if len(self._starting) == 0:
             raise ArgumentError("points: expected at least one place, got none")
         places = [part.place for part in self.learned.values()]
-        self._low = np.min([p.input_mean[:3] - KNOWN * p.input_std[:3] for p in places], axis=0)
-        self._high = np.max([p.input_mean[:3] + KNOWN * p.input_std[:3] for p in places], axis=0)
+        low = np.min([p.input_mean[:3] - KNOWN * p.input_std[:3] for p in places], axis=0)
+        high = np.max([p.input_mean[:3] + KNOWN * p.input_std[:3] for p in places], axis=0)
+        self._middle, self._reach = (low + high) / 2.0, (high - low) / 2.0
         first = places[0]
         self.correction = correction or Correction.none(first, tuple(self.learned))
         self._places = {
@@ -138,7 +140,7 @@ class NeuralProjection(Projection):
 
     def _far(self, points: Floats) -> npt.NDArray[np.bool_] | None:
         """Which of the points (N, 3) are far from those of training; None where none is."""
-        beyond = (points < self._low) | (points > self._high)
+        beyond = np.abs(points - self._middle) > self._reach
         return np.asarray(beyond.any(axis=1)) if beyond.any() else None
 
     def jacobian(self, points: npt.ArrayLike, joints: npt.ArrayLike | None = None) -> dict[str, Floats]:
@@ -276,7 +278,8 @@ class NeuralProjection(Projection):
         x = np.empty((len(place), 3 + len(self.joints)))
         x[:, :3] = place
         x[:, 3:] = posture
-        if not np.isfinite(x).all():
+        # Plain Python is faster than NumPy on so few joints.
+        if not all(map(math.isfinite, posture.tolist())) or not np.isfinite(place).all():
             finite("points", place)
             finite("joints", posture)
         return x
