@@ -121,9 +121,8 @@ class NeuralProjection(Projection):
         pixels: dict[str, Floats] = {}
         for name, place in self._places.items():
             there = place(x).astype(np.float64)
-            there[self._sights[name](x)[:, 0] < UNSEEN] = np.nan
-            if far is not None:
-                there[far] = np.nan
+            unseen = self._sights[name](x)[:, 0] < UNSEEN
+            there[unseen if far is None else unseen | far] = np.nan
             pixels[name] = there
         return pixels
 
@@ -279,9 +278,11 @@ class NeuralProjection(Projection):
         x[:, :3] = place
         x[:, 3:] = posture
         # Plain Python is faster than NumPy on so few joints.
-        if not all(map(math.isfinite, posture.tolist())) or not np.isfinite(place).all():
-            finite("points", place)
+        if not all(map(math.isfinite, posture.tolist())):
             finite("joints", posture)
+        # The sum of squares is finite only where all are, and cheaper; one that overflows is looked at again.
+        if not math.isfinite(np.vdot(place, place)):
+            finite("points", place)
         return x
 
     _finest = 1e-6  # the kernels are in single precision
