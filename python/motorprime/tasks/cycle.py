@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .._arrays import Floats, integer, not_negative, positive
 from ..attention import Look
-from ..cylinder import Located
+from ..cylinder import Cylinder, Located
 from ..errors import ArgumentError
 from .explore import Sight
 
@@ -78,7 +78,8 @@ class Cycle:
         path: planned points of the hand (N, 3) [m], and the same in each image.
         estimate: where the target is believed to be (3,) [m].
         palm: the palm's place by the encoders (3,) [m].
-        goal: the palm's pre-grasp point (3,) [m].
+        goal: where the palm is to end (3,) [m].
+        obstacles: what is known to stand in the way: centre (3,) [m] and shape.
         seconds: time of each stage [s].
         full: the full-frame scan beside it.
     """
@@ -95,4 +96,5 @@ class Cycle:
     path_pixels: Mapping[str, Floats] = field(default_factory=dict)
     estimate: Floats | None = None
     goal: Floats | None = None
+    obstacles: tuple[tuple[Floats, Cylinder], ...] = ()
     full: FullFrame | None = None
