@@ -25,14 +25,17 @@ TABLE_X, TABLE_Y = (-0.62, -0.15), (-0.45, 0.45)
 
 @dataclass(frozen=True)
 class Glass:
-    """An upright cylinder: its radius, height [m] and colour."""
+    """An upright cylinder: its radius, height [m], colour and mass [kg]."""
 
     radius: float = 0.0325
     height: float = 0.10
     rgb: tuple[float, float, float] = (0.80, 0.06, 0.09)
+    mass: float = 0.15
 
 
 SMALL_GLASS = Glass(radius=0.014, height=0.056)
+CANISTER = Glass(radius=0.03, height=0.13, rgb=(0.04, 0.58, 0.62), mass=0.4)
+"""What may stand in the way: of a colour that nothing else has."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +159,8 @@ class Scene:
         self._folder = tempfile.TemporaryDirectory(prefix="motorprime-")
         folder = Path(self._folder.name)
         generator = np.random.default_rng(layout.textures)
-        self.glass: int | None = _stand_glass(world, folder, layout)
+        self.glass: int | None = _stand_glass(world, folder / "glass.obj", layout.glass, layout.glass_xy)
+        self.obstacle: int | None = None
         self.clutter = [
             _stand_thing(world, folder, thing, spot, k) for k, (thing, spot) in enumerate(layout.clutter)
         ]
@@ -177,14 +181,43 @@ class Scene:
         return np.array(place), axis
 
     def name_of(self, body: int) -> str:
-        """What a body is: 'glass', 'table', the name of a piece of kitchenware, or 'room'."""
+        """What a body is: 'glass', 'obstacle', 'table', the name of a piece of kitchenware, or 'room'."""
         if body == self.glass:
             return "glass"
+        if body == self.obstacle:
+            return "obstacle"
         if body == self.table:
             return "table"
         if body in self.clutter:
             return self.layout.clutter[self.clutter.index(body)][0].name
         return "room"
+
+    def stand_obstacle(self, shape: Glass, at: tuple[float, float]) -> None:
+        """Let an obstacle appear at x, y [m] on the table.
+
+        Raises:
+            StateError: there is one already.
+        """
+        if self.obstacle is not None:
+            raise StateError("the scene has an obstacle already")
+        place = _on_table(at, shape)
+        path = Path(self._folder.name) / "obstacle.obj"
+        self.obstacle = _stand_glass(self.world, path, shape, (float(place[0]), float(place[1])))
+
+    def move_glass(self, at: tuple[float, float]) -> None:
+        """Put the glass, at rest and upright, at x, y [m] on the table: somebody has moved it.
+
+        Raises:
+            StateError: the scene has no glass.
+            ArgumentError: that is not on the table.
+        """
+        if self.glass is None:
+            raise StateError("the scene has no glass")
+        x, y = _on_table(at, self.layout.glass)
+        bullet = self.world.bullet
+        height = TABLE_HEIGHT + self.layout.glass.height / 2
+        bullet.resetBasePositionAndOrientation(self.glass, (x, y, height), (0, 0, 0, 1))
+        bullet.resetBaseVelocity(self.glass, (0, 0, 0), (0, 0, 0))
 
     def remove_glass(self) -> None:
         """Take the glass away."""
@@ -218,17 +251,16 @@ def _body(
     )
 
 
-def _stand_glass(world: World, folder: Path, layout: Layout) -> int:
-    glass, (x, y) = layout.glass, layout.glass_xy
+def _stand_glass(world: World, path: Path, glass: Glass, at: tuple[float, float]) -> int:
     bullet = world.bullet
     half = glass.height / 2
-    mesh = write_lathe(folder / "glass.obj", ((glass.radius, -half), (glass.radius, half)), sides=48)
+    mesh = write_lathe(path, ((glass.radius, -half), (glass.radius, half)), sides=48)
     body = _body(
         world,
         _mesh(world, mesh, glass.rgb),
         bullet.createCollisionShape(pybullet.GEOM_CYLINDER, radius=glass.radius, height=glass.height),
-        (x, y, TABLE_HEIGHT + glass.height / 2),
-        mass=0.15,
+        (*at, TABLE_HEIGHT + half),
+        mass=glass.mass,
     )
     bullet.changeDynamics(body, -1, lateralFriction=0.8)
     return body
