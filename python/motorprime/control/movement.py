@@ -1,0 +1,170 @@
+"""Where eye, arm and hand are, where they are going, and the movement between."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from .._arrays import Floats, fixed, not_negative, rigid
+from ..errors import ArgumentError
+from ..rotations import rotation_matrices, rotation_vectors
+
+EYE, ARM, HAND = slice(0, 3), slice(3, 9), 9
+"""Where the three systems stand in the ten numbers of a movement relative to its goal."""
+_PLACE, _TURN = slice(3, 6), slice(6, 9)
+LEAST_OPEN, MOST_OPEN = -0.5, 2.0
+"""Openings that are accepted: beyond is a mistake of units."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Eye, arm and hand at one instant, in the robot's root frame.
+
+    Attributes:
+        fixation: (3,) [m] point that the eyes look at.
+        palm: (4, 4) pose of the palm.
+        opening: of the hand; 0 with the fingers where they are at the grasp, 1 at their widest in the
+            demonstrations. From -0.5 to 2.
+
+    Raises:
+        ArgumentError: a shape, NaN, a palm that is no rigid motion, an opening outside its range.
+    """
+
+    fixation: Floats
+    palm: Floats
+    opening: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "fixation", _copy(fixed("fixation", self.fixation, (3,))))
+        object.__setattr__(self, "palm", _copy(rigid("palm", self.palm)))
+        object.__setattr__(self, "opening", _opening(self.opening))
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """Where eye, arm and hand shall come to rest, in the robot's root frame.
+
+    Attributes:
+        fixation: (3,) [m] point to look at.
+        palm: (4, 4) pose of the palm. The path is learned in its axes, and so turns with it.
+        opening: of the hand in the end; 0 for a grasp.
+        amplitude: how wide the hand opens on its way, as a multiple of the demonstrations', >= 0; with
+            ``opening`` at most 2. With 0 the hand does not wait for the arm.
+
+    Raises:
+        ArgumentError: as for :class:`State`, and an amplitude outside its range.
+    """
+
+    fixation: Floats
+    palm: Floats
+    opening: float = 0.0
+    amplitude: float = 1.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "fixation", _copy(fixed("fixation", self.fixation, (3,))))
+        object.__setattr__(self, "palm", _copy(rigid("palm", self.palm)))
+        object.__setattr__(self, "opening", _opening(self.opening))
+        amplitude = not_negative("amplitude", self.amplitude)
+        if self.opening + amplitude > MOST_OPEN:
+            raise ArgumentError(
+                f"amplitude: expected at most {MOST_OPEN - self.opening:.6g}, so that the hand opens to "
+                f"{MOST_OPEN} at most, got {amplitude}"
+            )
+        object.__setattr__(self, "amplitude", amplitude)
+
+    def relative(self, state: State) -> Floats:
+        """A state as seen from the goal: (10,) of fixation, place and rotation vector of the palm, opening.
+
+        Lengths are in the goal palm's axes [m, rad]; all is 0 at the goal.
+        """
+        axes = self.palm[:3, :3]
+        return np.concatenate(
+            [
+                (state.fixation - self.fixation) @ axes,
+                (state.palm[:3, 3] - self.palm[:3, 3]) @ axes,
+                rotation_vectors(axes.T @ state.palm[:3, :3]),
+                [state.opening - self.opening],
+            ]
+        )
+
+    def absolute(self, relative: Floats) -> tuple[Floats, Floats, Floats]:
+        """Fixations (N, 3), palms (N, 4, 4) and openings (N,) of what :meth:`relative` gives, (N, 10)."""
+        axes = self.palm[:3, :3]
+        palms = np.zeros((len(relative), 4, 4))
+        palms[:, :3, :3] = axes @ rotation_matrices(relative[:, _TURN])
+        palms[:, :3, 3] = relative[:, _PLACE] @ axes.T + self.palm[:3, 3]
+        palms[:, 3, 3] = 1.0
+        fixations: Floats = relative[:, EYE] @ axes.T + self.fixation
+        openings: Floats = relative[:, HAND] + self.opening
+        return fixations, palms, openings
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How close to the goal counts as there; with 0 a movement never ends before its time.
+
+    Attributes:
+        fixation: of the eyes [m].
+        place: of the palm [m].
+        turn: of the palm [rad].
+        opening: of the hand.
+    """
+
+    fixation: float = 0.001
+    place: float = 0.001
+    turn: float = math.radians(1.0)
+    opening: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("fixation", "place", "turn", "opening"):
+            object.__setattr__(self, name, not_negative(name, getattr(self, name)))
+
+    def array(self) -> Floats:
+        """(4,) of fixation, place, turn, opening."""
+        return np.array([self.fixation, self.place, self.turn, self.opening])
+
+
+@dataclass(frozen=True, eq=False)
+class RollOut:
+    """A movement, from its start to where it was over.
+
+    Attributes:
+        times: (N,) [s] from 0.
+        fixations: (N, 3) [m].
+        palms: (N, 4, 4).
+        openings: (N,).
+        arrived: whether everything came within its tolerance in the time that was given.
+    """
+
+    times: Floats
+    fixations: Floats
+    palms: Floats
+    openings: Floats
+    arrived: bool
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @property
+    def path(self) -> Floats:
+        """(N, 3) [m] places of the palm."""
+        places: Floats = self.palms[:, :3, 3]
+        return places
+
+
+def _copy(array: Floats) -> Floats:
+    copy: Floats = array.copy()
+    copy.flags.writeable = False
+    return copy
+
+
+def _opening(value: npt.ArrayLike) -> float:
+    opening = float(fixed("opening", value, ()))
+    if not LEAST_OPEN <= opening <= MOST_OPEN:
+        raise ArgumentError(
+            f"opening: expected {LEAST_OPEN} to {MOST_OPEN}, a fraction of the widest, got {opening}"
+        )
+    return opening
