@@ -1,9 +1,9 @@
 """Past an obstacle: does the planned path collide, and by which via-point does it get around?
 
-The hand is a point that moves along the mentally simulated path; what stands about is a cylinder that encloses
-the thing and allows for the hand's size. Where the path enters it, a via-point beside the obstacle, in front
-of it or behind, on the side where the collision is expected, becomes the first attractor; the hand passes it
-in its passing shape, and the target follows (section III-C1; Lukic, Santos-Victor and Billard, 2014).
+The hand is a point that moves along the mentally simulated path; what stands about is a cylinder that
+encloses the thing and allows for the hand's size. Where the path enters it, a via-point beside the obstacle,
+in front of it or behind, on the side where the collision is expected, becomes the first attractor; the hand
+passes it in its passing shape, and the target follows (section III-C1; Lukic, Santos-Victor, Billard, 2014).
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from .._arrays import Floats, fixed, not_negative
-from ..cylinder import Cylinder
-from ..errors import ArgumentTypeError, UnreachableError
+from ..errors import UnreachableError
 from ..kinematics import transform
 from ..rotations import rotation_matrices, rotation_vectors
 from .cds import CoupledDynamics
+from .clearance import Obstacle
 from .movement import Goal, RollOut, State
 
 ALLOWANCE = 0.06
@@ -32,23 +32,6 @@ WIDER = (1.0, 1.3, 1.6)  # times SAFETY: tried in this order
 PASSED = 0.03  # so near [m] the via-point has done its work
 MARGIN = 0.01  # an obstacle that the hand starts too close to may not come nearer than this [m]
 TOO_LONG = 12.0  # a path that takes longer is none [s]
-
-
-@dataclass(frozen=True, eq=False)
-class Obstacle:
-    """An upright cylinder that stands at ``centre`` (3,) [m] and encloses a thing."""
-
-    centre: Floats
-    shape: Cylinder
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", fixed("centre", self.centre, (3,)))
-        if not isinstance(self.shape, Cylinder):
-            raise ArgumentTypeError(f"shape: a Cylinder expected, got {type(self.shape).__name__}")
-
-    def distance(self, points: Floats) -> Floats:
-        """Distance (N,) [m] of points (N, 3) to its surface; 0 inside."""
-        return self.shape.distance(points - self.centre)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +64,8 @@ class Motion:
 def simulate(dynamics: CoupledDynamics, state: State, goals: Sequence[Goal], *, dt: float = 0.01) -> RollOut:
     """Mental simulation through via-points to the last goal.
 
-    Each via-point is left when the palm is :data:`PASSED` from it; ``arrived`` says whether the end was got to.
+    Each via-point is left when the palm is :data:`PASSED` from it; ``arrived`` says whether the end was
+    got to.
     """
     parts: list[RollOut] = []
     for goal in goals[:-1]:
@@ -135,7 +119,7 @@ def plan_motion(
         if not obstacles:
             raise UnreachableError("goal: the arm cannot follow the way there")
         places = direct.simulated.path
-        blocking = int(np.argmin([o.distance(places).min() for o in obstacles]))
+        blocking = int(np.argmin([_off(o, places).min() for o in obstacles]))
     tried = 0
     for via in _via_points(direct.simulated, obstacles[blocking], state, goal, passing, ahead):
         motion = _motion(dynamics, state, (via, goal), obstacles, (blocking,), dt)
@@ -152,13 +136,13 @@ def plan_motion(
 
 def _limit(obstacle: Obstacle, state: State, goal: Goal, allowance: float) -> float:
     """The least distance that the path must keep; less where it starts so near already."""
-    end = float(obstacle.distance(goal.palm[None, :3, 3])[0])
+    end = float(_off(obstacle, goal.palm[None, :3, 3])[0])
     if end < allowance:
         raise UnreachableError(
             f"goal: in collision; the palm would be {end * 100:.1f} cm from an obstacle "
             f"at {np.round(obstacle.centre, 3)} m and needs {allowance * 100:.1f} cm"
         )
-    start = float(obstacle.distance(state.palm[None, :3, 3])[0])
+    start = float(_off(obstacle, state.palm[None, :3, 3])[0])
     if start < MARGIN:
         raise UnreachableError(
             f"start: in collision; the palm is {start * 100:.1f} cm from an obstacle "
@@ -170,7 +154,7 @@ def _limit(obstacle: Obstacle, state: State, goal: Goal, allowance: float) -> fl
 def _first_hit(simulated: RollOut, obstacles: Sequence[Obstacle], limits: Sequence[float]) -> int | None:
     """The obstacle that the path comes too close to first."""
     places = simulated.path
-    hits = [np.flatnonzero(o.distance(places) < limit) for o, limit in zip(obstacles, limits, strict=True)]
+    hits = [np.flatnonzero(_off(o, places) < limit) for o, limit in zip(obstacles, limits, strict=True)]
     first = {int(hit[0]): k for k, hit in reversed(list(enumerate(hits))) if len(hit)}
     return first[min(first)] if first else None
 
@@ -178,20 +162,34 @@ def _first_hit(simulated: RollOut, obstacles: Sequence[Obstacle], limits: Sequen
 def _via_points(
     simulated: RollOut, obstacle: Obstacle, state: State, goal: Goal, passing: float, ahead: Floats
 ) -> Iterator[Goal]:
-    """Via-points on the side where the collision is expected, then on the other, then farther out, then above."""
+    """Via-points in the order in which they are tried.
+
+    In front or behind, on the side where the collision is expected first; across the path, for a path that
+    runs from front to back; and all of these farther out. At the height of the path, and last above.
+    """
     places = simulated.path
-    nearest = int(np.argmin(obstacle.distance(places)))
+    nearest = int(np.argmin(_off(obstacle, places)))
     offset = places[nearest] - obstacle.centre
-    side = 1.0 if float(offset @ ahead) >= 0.0 else -1.0
+    along = goal.palm[:3, 3] - state.palm[:3, 3]
+    across = np.array([-along[1], along[0], 0.0])
+    across /= max(float(np.linalg.norm(across)), 1e-9)
+    directions = [
+        sign * side
+        for side in (ahead, across)
+        for sign in ((1.0, -1.0) if offset @ side >= 0.0 else (-1.0, 1.0))
+    ]
     turn = _halfway(state.palm[:3, :3], goal.palm[:3, :3])
     top = obstacle.centre[2] + obstacle.shape.height / 2
-    levels = (float(np.clip(places[nearest, 2], goal.palm[2, 3], top + SAFETY)), top + SAFETY)
-    for level in levels:
+    beside = float(np.clip(places[nearest, 2], goal.palm[2, 3], top + SAFETY))
+    for level in (beside, top + SAFETY):
         for wider in WIDER:
-            for direction in (side * ahead, -side * ahead):
+            for direction in directions:
                 place = obstacle.centre + direction * (obstacle.shape.radius + wider * SAFETY)
                 place[2] = level
-                yield Goal(obstacle.centre.copy(), transform(turn, place), passing, amplitude=0.0)
+                yield Goal(obstacle.centre, transform(turn, place), passing, amplitude=0.0)
+    over = obstacle.centre.copy()
+    over[2] = top + SAFETY
+    yield Goal(obstacle.centre, transform(turn, over), passing, amplitude=0.0)
 
 
 def _halfway(first: Floats, second: Floats) -> Floats:
@@ -208,8 +206,13 @@ def _motion(
 ) -> Motion:
     simulated = simulate(dynamics, state, goals, dt=dt)
     places = simulated.path
-    clearance = min([float(o.distance(places).min()) for o in obstacles], default=np.inf)
+    clearance = min([float(_off(o, places).min()) for o in obstacles], default=np.inf)
     return Motion(goals, simulated, clearance, passing)
+
+
+def _off(obstacle: Obstacle, points: Floats) -> Floats:
+    """Distance (N,) [m] of points (N, 3) to an obstacle's surface; negative inside."""
+    return obstacle.gap(points)[0]
 
 
 def _apart(state: State, goal: Goal) -> float:

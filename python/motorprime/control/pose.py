@@ -213,9 +213,7 @@ class PoseSolver:
         iterations = integer("iterations", iterations, at_least=1)
         return self._search(goal, last, np.column_stack([lower, upper]), iterations, STAGES[-1:])
 
-    def _goal(
-        self, target: npt.ArrayLike, hold: npt.ArrayLike | None, turning: npt.ArrayLike
-    ) -> _Goal:
+    def _goal(self, target: npt.ArrayLike, hold: npt.ArrayLike | None, turning: npt.ArrayLike) -> _Goal:
         weights = fixed("turning", turning, (3,))
         if (weights < 0.0).any() or (weights > 1.0).any():
             raise ArgumentError(f"turning: expected weights from 0 to 1, got {weights.tolist()}")

@@ -8,8 +8,9 @@ import numpy as np
 
 from .._arrays import Floats
 from ..control.cds import CoupledDynamics
+from ..control.clearance import Obstacle
 from ..control.movement import Goal, State
-from ..control.obstacle import ALLOWANCE, Obstacle, plan_motion, simulate
+from ..control.obstacle import ALLOWANCE, plan_motion, simulate
 from ..cylinder import Cylinder
 from ..errors import UnreachableError
 from ..kinematics import transform
@@ -25,9 +26,9 @@ def evaluate_obstacle(
 ) -> dict[str, Any]:
     """Plan in random scenes in which the way straight ahead is blocked, and measure the paths.
 
-    A scene is a goal over a table, a start 0.25 to 0.5 m from it, and an upright cylinder (radius 2 to 4.5 cm,
-    height 8 to 20 cm) that the palm's path without an obstacle would hit. Start and goal are 3 cm farther from
-    it than the palm must keep, so that there is a detour.
+    A scene is a goal over a table, a start 0.25 to 0.5 m from it, and an upright cylinder (radius 2 to 4.5
+    cm, height 8 to 20 cm) that the palm's path without an obstacle would hit. Start and goal are 3 cm farther
+    from it than the palm must keep, so that there is a detour.
 
     Args:
         dynamics: the controller.
@@ -37,8 +38,8 @@ def evaluate_obstacle(
 
     Returns:
         scenes, clear (paths whose palm keeps :data:`ALLOWANCE` off the thing's surface, so stays outside of
-        the cylinder that encloses the thing and half a hand), refused, minimum_distance_m (of all paths to that
-        enclosing cylinder's surface), median_detour (length of the path over that of the way without the
+        the cylinder that encloses the thing and half a hand), refused, minimum_distance_m (of all paths to
+        that enclosing cylinder's surface), median_detour (length of the path over that of the way without the
         obstacle), anterior, posterior, above (by which side).
     """
     progress = progress or Progress()
@@ -67,9 +68,7 @@ def evaluate_obstacle(
     }
 
 
-def _draw(
-    dynamics: CoupledDynamics, generator: np.random.Generator
-) -> tuple[State, Goal, Obstacle, float]:
+def _draw(dynamics: CoupledDynamics, generator: np.random.Generator) -> tuple[State, Goal, Obstacle, float]:
     """A scene whose direct path is blocked, and the length of that path [m]."""
     while True:
         goal, state = _goal(generator), None
@@ -81,9 +80,9 @@ def _draw(
         places = direct.path
         shape = Cylinder(generator.uniform(0.02, 0.045), generator.uniform(0.08, 0.20))
         spot = places[int(generator.integers(len(places)))] + [*generator.uniform(-0.05, 0.05, 2), 0.0]
-        obstacle = Obstacle(np.array([spot[0], spot[1], TABLE + shape.height / 2]), shape)
-        ends = obstacle.distance(np.array([state.palm[:3, 3], goal.palm[:3, 3]]))
-        if ends.min() > ALLOWANCE + SPARE and obstacle.distance(places).min() < ALLOWANCE:
+        obstacle = Obstacle(shape, np.array([spot[0], spot[1], TABLE + shape.height / 2]))
+        ends = obstacle.gap(np.array([state.palm[:3, 3], goal.palm[:3, 3]]))[0]
+        if ends.min() > ALLOWANCE + SPARE and obstacle.gap(places)[0].min() < ALLOWANCE:
             return state, goal, obstacle, _length(places)
 
 

@@ -11,10 +11,9 @@ from .._arrays import Floats
 from ..control.gaze import fixate
 from ..control.path import PalmPath, minimum_jerk, plan_path
 from ..control.reaching import Pregrasp
-from ..errors import NotInViewError, UnreachableError
-from ..views import Views
+from ..errors import UnreachableError
 from .cycle import Cycle
-from .seeker import PERIOD, Plan, Seeker, between
+from .seeker import BEYOND, PERIOD, PLAN_POINTS, Seeker, between
 
 FIRMNESS = 6.0
 """On the way the posture blends from the start's to the pre-grasp's. Held so firmly it bends off the path by
@@ -23,7 +22,6 @@ JOINT_SPEED = 2.0  # of the fastest joint of arm and torso [rad/s]
 PALM_SPEED = 0.16  # mean speed of the palm on its way [m/s]
 ARM_RADIUS = 0.05  # of the forearm, and a little [m]
 ARRIVED = 0.002  # the palm's distance from its goal, by the encoders [m]
-PLAN_POINTS = 50
 
 
 class Reach(Seeker):
@@ -109,26 +107,5 @@ class Reach(Seeker):
         }
 
     def _reach_cycle(self, path: PalmPath, elapsed: float) -> Cycle:
-        assert self.estimate is not None
-        joints, images = self.body.read(self.body.robot.gaze), self.body.see()
-        self._forget()
-        # The plan ends at the pre-grasp; the intended grasp behind it matters as much.
-        ahead = path.ahead(elapsed, PLAN_POINTS - 10)
-        grasp = np.linspace(ahead[-1], self.estimate, 11)[1:]
-        plan = np.vstack([ahead, grasp])
-        before = self._mark()
-        with self.stages.time("projection"):
-            views = Views(self.projection, joints)
-            pixels = views.project(plan)
-        try:
-            with self.stages.time("landscape and sampling"):
-                looks, where = self.attention.step(
-                    pixels,
-                    windows=self.settings.windows,
-                    size=self.settings.size,
-                    width=self.settings.width,
-                    seed=self.generator,
-                )
-        except NotInViewError:
-            looks, where = {}, {}
-        return self._look("reach", joints, images, views, looks, where, before, Plan(plan, pixels, path.goal))
+        ahead = path.ahead(elapsed, PLAN_POINTS - BEYOND)
+        return self._look_along("reach", self._to_target(ahead), path.goal)

@@ -33,6 +33,10 @@ from .timing import Clock, Stages
 PERIOD = 0.1  # of a vision cycle [s]
 GAZE_SPEED = 1.2  # of the fastest joint when the gaze turns [rad/s]
 GOOD_VIEW = 0.7  # overlap of silhouettes below which something, perhaps the hand, hides the target
+PLAN_POINTS = (
+    50  # of the planned path that are attended to, the last BEYOND of them from its end to the target
+)
+BEYOND = 10
 HAND_IN_THE_WAY = 3  # postures searched in vain before the hand is put aside
 
 
@@ -237,6 +241,39 @@ class Seeker:
             ),
             full=self._full_frame(images, views) if self.settings.compare else None,
         )
+
+    def _to_target(self, path: Floats) -> Floats:
+        """A path (N, 3), continued straight to the target: the grasp behind its end matters as much."""
+        assert self.estimate is not None
+        return np.vstack([path, np.linspace(path[-1], self.estimate, BEYOND + 1)[1:]])
+
+    def _look_along(self, phase: str, points: Floats, goal: Floats, *, width: float | None = None) -> Cycle:
+        """One cycle of windows along a planned path (section III-C2).
+
+        Args:
+            phase: as the cycle is to be called.
+            points: (N, 3) [m] of the path.
+            goal: (3,) [m] where the palm is to end.
+            width: of the kernels [px]; the settings' when not given.
+        """
+        joints, images = self.body.read(self.body.robot.gaze), self.body.see()
+        self._forget()
+        before = self._mark()
+        with self.stages.time("projection"):
+            views = Views(self.projection, joints)
+            pixels = views.project(points)
+        try:
+            with self.stages.time("landscape and sampling"):
+                looks, where = self.attention.step(
+                    pixels,
+                    windows=self.settings.windows,
+                    size=self.settings.size,
+                    width=self.settings.width if width is None else width,
+                    seed=self.generator,
+                )
+        except NotInViewError:
+            looks, where = {}, {}
+        return self._look(phase, joints, images, views, looks, where, before, Plan(points, pixels, goal))
 
     def _forget(self) -> None:
         """The eyes have moved: what was hit in the images counts no more."""
