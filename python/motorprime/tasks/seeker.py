@@ -18,7 +18,7 @@ from ..attention import Attention, Look
 from ..control.gaze import fixate
 from ..control.path import PalmPath, minimum_jerk
 from ..control.reaching import Bench, ReachSolver
-from ..cylinder import Cylinder
+from ..cylinder import Cylinder, Located
 from ..detectors.base import Where
 from ..errors import ArgumentError, NotInViewError, UnreachableError
 from ..projection import Projection
@@ -217,12 +217,9 @@ class Seeker:
         plan: Plan | None = None,
     ) -> Cycle:
         sight = self.finder.look(images, views, where)
-        if sight.located is not None:
-            self.sought.belief.update(sight.located)
+        self._take(self.sought, sight.located)
         for obstacle in self.obstacles:
-            seen = obstacle.finder.look(images, views, where)
-            if seen.located is not None:
-                obstacle.belief.update(seen.located)
+            self._take(obstacle, obstacle.finder.look(images, views, where).located)
         return Cycle(
             phase=phase,
             time=self.body.time,
@@ -241,6 +238,11 @@ class Seeker:
             ),
             full=self._full_frame(images, views) if self.settings.compare else None,
         )
+
+    def _take(self, sought: Sought, located: Located | None) -> None:
+        """What one cycle has shown of a thing that is looked for."""
+        if located is not None:
+            sought.belief.update(located)
 
     def _to_target(self, path: Floats) -> Floats:
         """A path (N, 3), continued straight to the target: the grasp behind its end matters as much."""

@@ -1,0 +1,143 @@
+"""From coupled dynamics to joint angles: what eyes, arm and hand are to do in the next moments.
+
+The dynamics say where fixation point, palm and fingers shall be; inverse kinematics turns that into angles of
+torso and arm, of neck and eyes, and the hand's synergy into those of the fingers.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from .._arrays import Floats, fixed, integer, positive
+from ..errors import StateError, UnreachableError
+from .cds import CoupledDynamics
+from .gaze import fixate
+from .movement import Goal, State
+from .obstacle import Motion
+from .pose import PoseSolver
+
+JOINT_SPEED = 2.0
+"""Of the fastest joint of torso and arm [rad/s]."""
+ADRIFT = 0.005
+"""When the arm stays so far [m] behind the plan, because of limits or of what it keeps off, the plan goes on
+from where the arm is."""
+REHEARSED = 12  # poses of a movement that the arm is tried in
+AWRY = 0.015  # so far off [m] the arm may be on the way
+LEAP = 1.2  # between two of them no joint turns farther [rad]
+
+
+class Controller:
+    """Drives one robot by coupled dynamics. It commands; whether the robot follows is for others to see.
+
+    Args:
+        dynamics: of eye, arm and hand.
+        arm: inverse kinematics, with the work surface and whatever else the arm keeps off.
+
+    Attributes:
+        state: where eyes, palm and hand are commanded to be.
+        angles: of torso and arm (n,) [rad], as commanded.
+        gaze: of torso, neck and eyes (len(robot.gaze),) [rad], as commanded.
+    """
+
+    def __init__(self, dynamics: CoupledDynamics, arm: PoseSolver) -> None:
+        self.dynamics, self.arm = dynamics, arm
+        self.robot = arm.robot
+        self.state: State | None = None
+        self.angles: Floats = arm.rest
+        self.gaze: Floats = self.robot.resting(self.robot.gaze)
+
+    def begin(
+        self, angles: npt.ArrayLike, gaze: npt.ArrayLike, fixation: npt.ArrayLike, opening: float
+    ) -> None:
+        """Start from where the robot is.
+
+        Args:
+            angles: of torso and arm (n,) [rad].
+            gaze: posture (len(robot.gaze),) [rad].
+            fixation: (3,) [m] the point that the eyes look at.
+            opening: of the hand.
+        """
+        self.angles = fixed("angles", angles, (len(self.arm.names),))
+        self.gaze = self.robot.gaze_posture(gaze)
+        self.state = State(fixed("fixation", fixation, (3,)), self.arm.palm(self.angles), opening)
+
+    def advance(
+        self, motion: Motion, seconds: float, *, hold: npt.ArrayLike | None = None, steps: int = 4
+    ) -> tuple[Motion, list[dict[str, float]]]:
+        """What to command during the next ``seconds``.
+
+        Args:
+            motion: towards its first goal; via-points that are passed are dropped.
+            seconds: how far to go on.
+            hold: angles (n,) [rad] that are preferred where the palm's pose leaves a choice.
+            steps: commands in that time, evenly spread.
+
+        Returns:
+            The motion that is left, and for each step the target [rad] of every variable.
+
+        Raises:
+            StateError: :meth:`begin` has not been called.
+        """
+        period = positive("seconds", seconds) / integer("steps", steps, at_least=1)
+        parts = math.ceil(period / self.dynamics.largest_step - 1e-9)
+        commands: list[dict[str, float]] = []
+        for _ in range(steps):
+            motion = motion.advance(self._state())
+            for _ in range(parts):
+                self.state = self.dynamics.step(self._state(), motion.goals[0], period / parts)
+            self._follow(period, hold)
+            commands.append(dict(zip(self.arm.names, map(float, self.angles), strict=True)))
+            if self.robot.hand is not None:
+                commands[-1] |= self.robot.hand.targets(self._state().opening)
+        self._turn_eyes(commands)
+        return motion, commands
+
+    def rehearse(self, motion: Motion, *, hold: npt.ArrayLike | None = None) -> bool:
+        """Whether the arm can do a motion from where it is, keeping off what it shall, without a leap."""
+        palms = motion.simulated.palms
+        angles = self.angles
+        for k in np.unique(np.linspace(0, len(palms) - 1, REHEARSED).round().astype(int)):
+            found = self.arm.nearest(palms[k], angles, hold=hold, restarts=0)
+            leap = float(np.abs(found.angles - angles).max())
+            if found.position_error > AWRY or found.depth > AWRY or leap > LEAP:
+                return False
+            angles = found.angles
+        return True
+
+    def _state(self) -> State:
+        if self.state is None:
+            raise StateError("controller: call begin() with the robot's posture first")
+        return self.state
+
+    def _follow(self, period: float, hold: npt.ArrayLike | None) -> None:
+        state = self._state()
+        found = self.arm.follow(state.palm, self.angles, step=JOINT_SPEED * period, hold=hold)
+        self.angles = found.angles
+        if found.position_error > ADRIFT:
+            self.state = replace(state, palm=self.arm.palm(self.angles))
+
+    def _turn_eyes(self, commands: list[dict[str, float]]) -> None:
+        """Add neck and eyes to commands, evenly on their way to the fixation point at the end of them."""
+        robot, last = self.robot, commands[-1]
+        begun = self.gaze
+        posture = np.array([last.get(name, value) for name, value in zip(robot.gaze, begun, strict=True)])
+        try:
+            posture = fixate(robot, posture, self._state().fixation)
+        except UnreachableError:
+            pass  # as far aside as that the eyes cannot turn: they stay
+        for k, command in enumerate(commands, start=1):
+            share = k / len(commands)
+            for name, old, new in zip(robot.gaze, begun, posture, strict=True):
+                command.setdefault(name, float(old + share * (new - old)))
+        self.gaze = posture
+
+
+def hold_between(first: Floats, last: Floats, goal: Goal, state: State, whole: float) -> Floats:
+    """A posture from ``first`` to ``last`` (n,), by how much of the ``whole`` distance [m] is behind the palm."""
+    left = float(np.linalg.norm(state.palm[:3, 3] - goal.palm[:3, 3]))
+    share = 1.0 - min(1.0, left / max(whole, 1e-6))
+    return first + share * (last - first)

@@ -1,0 +1,306 @@
+"""Pick a thing up: plan with coupled dynamics, get around what stands in the way, close the hand, lift.
+
+What the robot knows of target and obstacles comes from its eyes alone, and at every vision cycle it looks
+again along what it is going to do: the mental simulation of the rest of the movement (section III-C).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from .._arrays import Floats
+from ..attention import Attention
+from ..control.cds import CoupledDynamics
+from ..control.clearance import Obstacle
+from ..control.controller import Controller, hold_between
+from ..control.gaze import fixate
+from ..control.grasping import Grasp, choose_grasp
+from ..control.hand import grasp_pose
+from ..control.movement import Goal
+from ..control.obstacle import Motion, plan_motion, simulate
+from ..control.path import minimum_jerk
+from ..control.pose import PoseSolver
+from ..control.reaching import Bench
+from ..cylinder import Located
+from ..errors import UnreachableError
+from ..motorplan import default_width
+from .belief import Belief
+from .body import Body
+from .cycle import Cycle, Settings
+from .explore import Target
+from .seeker import BEYOND, PERIOD, PLAN_POINTS, Seeker, Sought
+from .timing import Clock
+
+SURVEYS = 4  # cycles that the way is looked at before the arm moves
+ARRIVED = 0.004  # of the palm from the grasp [m]
+TURNED = float(np.deg2rad(3.0))
+PATIENCE = 15.0  # a movement that takes longer has failed [s]
+NEAR = 0.06  # from here [m] the hand hides the target, and what is known of it stays
+SHIFTED = 0.015  # an obstacle that is so far [m] from where it was asks for a new plan
+STARTLED = 1.0  # so long [s] after a jump or a loss attention is wider,
+WIDER = 2.0  # this many times
+LOST = 8  # cycles without the target until it is searched again
+CLOSING = 1.0  # time in which the hand closes [s]
+LIFT, LIFTING, HOLDING = 0.06, 1.5, 1.2  # height [m], the time for it and to hold it [s]
+
+
+class Pick(Seeker):
+    """Find a target, grasp it and lift it.
+
+    Args:
+        body: the robot.
+        target: what to pick up.
+        attention: with the robot's projection and reach cloud.
+        bench: the work surface.
+        dynamics: of eye, arm and hand.
+        obstacles: what may stand in the way.
+        settings: how to look and move.
+        seed: draws windows and postures.
+        clock: for the times of the stages [s].
+
+    Attributes:
+        outcome: 'running', then 'lifted' as far as the robot can tell, 'not found', 'refused' or 'missed';
+            :attr:`reason` says why.
+        grasp: how the target is to be grasped; None before that is chosen.
+        motion: the present plan; None before there is one.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        target: Target,
+        attention: Attention,
+        bench: Bench,
+        dynamics: CoupledDynamics,
+        *,
+        obstacles: Sequence[Target] = (),
+        settings: Settings | None = None,
+        seed: int | np.random.Generator | None = None,
+        clock: Clock = time.perf_counter,
+    ) -> None:
+        super().__init__(
+            body, target, attention, bench, obstacles=obstacles, settings=settings, seed=seed, clock=clock
+        )
+        self.bench = bench
+        self.controller = Controller(dynamics, PoseSolver(body.robot, bench))
+        self.grasp: Grasp | None = None
+        self.motion: Motion | None = None
+        self._chosen_for = self._first = np.zeros(0)
+        self._whole = 0.0
+        self._avoided: list[Obstacle] = []
+        self._wide_until, self._unseen, self._stale = -np.inf, 0, False
+
+    def _act(self) -> Iterator[Cycle]:
+        try:
+            self._choose()
+            yield from self._survey()
+            self._plan()
+        except UnreachableError as error:
+            self._end("refused", str(error))
+            return
+        yield from self._approach()
+        if self.outcome == "running":
+            yield from self._close()
+            yield from self._lift()
+
+    def _choose(self) -> None:
+        """Choose how to grasp the target where it is now believed to be, among what is known to stand about."""
+        assert self.estimate is not None
+        centre, radius = self.estimate.copy(), self.target.shape.radius
+        self._avoid()
+        self.grasp = choose_grasp(
+            self.controller.arm, lambda azimuth: grasp_pose(centre, azimuth, radius), start=self._angles()
+        )
+        self._chosen_for = centre
+
+    def _avoid(self) -> None:
+        """Let the arm keep off what is known to stand about."""
+        self._avoided = [Obstacle(shape, place) for place, shape in self.known_obstacles]
+        self.controller.arm = self.controller.arm.over(self.bench, self._avoided)
+
+    def _goal(self) -> Goal:
+        """The grasp, moved with the target by what little it has moved since the grasp was chosen."""
+        assert self.grasp is not None and self.estimate is not None
+        palm = self.grasp.palm.copy()
+        palm[:3, 3] += self.estimate - self._chosen_for
+        return Goal(self.estimate, palm)
+
+    def _begin(self, fixation: Floats) -> None:
+        hand = self.body.robot.hand
+        opening = 1.0 if hand is None else hand.opening(self.body.read(hand.motors))
+        self.controller.begin(self._angles(), self.body.read(self.body.robot.gaze), fixation, opening)
+        self._first = self.controller.angles
+
+    def _survey(self) -> Iterator[Cycle]:
+        """Look along the way that the hand would take: what is on it?"""
+        assert self.estimate is not None
+        goal = self._goal()
+        middle = (self._palm() + self.estimate) / 2.0
+        try:
+            self._turn_gaze(fixate(self.body.robot, self.body.read(self.body.robot.gaze), middle))
+        except UnreachableError:
+            middle = self.estimate
+        self._begin(middle)
+        state = self.controller.state
+        assert state is not None
+        way = simulate(self.controller.dynamics, state, (goal,)).path
+        for _ in range(SURVEYS):
+            yield self._look_along("survey", self._to_target(_spread(way)), goal.palm[:3, 3])
+        if self.known_obstacles:
+            self._choose()
+
+    def _plan(self) -> None:
+        """Plan from where the controller is."""
+        assert self.grasp is not None and self.controller.state is not None
+        self._avoid()
+        goal = self._goal()
+        self._whole = float(np.linalg.norm(self.controller.state.palm[:3, 3] - goal.palm[:3, 3]))
+        self._first = self.controller.angles
+        last = self.grasp.grasp.angles
+        self.motion = plan_motion(
+            self.controller.dynamics,
+            self.controller.state,
+            goal,
+            self._avoided,
+            feasible=lambda motion: self.controller.rehearse(motion, hold=last),
+        )
+        self._stale = False
+
+    def _approach(self) -> Iterator[Cycle]:
+        start = self.body.time
+        while True:
+            assert self.motion is not None and self.controller.state is not None
+            goal = self.motion.goals[-1]
+            way = simulate(self.controller.dynamics, self.controller.state, self.motion.goals).path
+            yield self._look_along("reach", self._to_target(_spread(way)), goal.palm[:3, 3], width=self._width())
+            if self._unseen >= LOST:
+                yield from self._search_again()
+                if self.outcome != "running":
+                    return
+            try:
+                self._revise()
+            except UnreachableError as error:
+                self._end("missed", str(error))
+                return
+            if self._there():
+                return
+            if self.body.time - start > PATIENCE:
+                self._end("missed", f"the palm stopped {self._left() * 1e3:.0f} mm from the grasp")
+                return
+            self._advance(PERIOD)
+
+    def _search_again(self) -> Iterator[Cycle]:
+        """The target is not where it was, nor on the way: look for it in all the space in reach."""
+        self.sought.belief, self._unseen = Belief(), 0
+        yield from self._search()
+        if self.estimate is None:
+            self._end("missed", f"the {self.target.detector.label} was lost on the way")
+            return
+        yield from self._fixate()
+        self._begin(self.estimate)
+        self._stale = True
+
+    def _revise(self) -> None:
+        """Take up what has been seen: a target elsewhere asks for another grasp, an obstacle for another way."""
+        assert self.motion is not None
+        if self._stale:
+            self._choose()
+            self._plan()
+            return
+        self.motion = self.motion.towards(self._goal())
+        known = self.known_obstacles
+        moved = len(known) != len(self._avoided) or any(
+            np.linalg.norm(place - avoided.centre) > SHIFTED
+            for (place, _), avoided in zip(known, self._avoided, strict=False)
+        )
+        if moved:
+            self._plan()
+
+    def _take(self, sought: Sought, located: Located | None) -> None:
+        """Near the end the hand hides the target, and what is then seen of it is worth less than what is known."""
+        if sought is not self.sought or self.motion is None:
+            super()._take(sought, located)
+        elif self._left() < NEAR:
+            self._unseen = 0
+        elif located is None:
+            self._unseen += 1
+            if self._unseen == LOST // 2:
+                self._startle()
+        else:
+            self._unseen = 0
+            if sought.belief.update(located):
+                self._startle()
+                self._stale = True
+
+    def _startle(self) -> None:
+        self._wide_until = self.body.time + STARTLED
+
+    def _width(self) -> float | None:
+        if self.body.time >= self._wide_until:
+            return None
+        shape = next(iter(self.projection.shapes.values()))
+        return WIDER * (self.settings.width or default_width(shape))
+
+    def _left(self) -> float:
+        """Distance [m] of the commanded palm from the grasp."""
+        assert self.motion is not None and self.controller.state is not None
+        return float(np.linalg.norm(self.controller.state.palm[:3, 3] - self.motion.goals[-1].palm[:3, 3]))
+
+    def _there(self) -> bool:
+        assert self.motion is not None and self.controller.state is not None
+        if len(self.motion.goals) > 1 or self._left() > ARRIVED:
+            return False
+        turned = self.controller.state.palm[:3, :3].T @ self.motion.goals[-1].palm[:3, :3]
+        return bool(np.trace(turned) > 1.0 + 2.0 * np.cos(TURNED))
+
+    def _advance(self, seconds: float) -> None:
+        """Command the next moments: eyes, arm and hand, each by its dynamics."""
+        assert self.motion is not None and self.controller.state is not None and self.grasp is not None
+        hold = hold_between(
+            self._first, self.grasp.grasp.angles, self.motion.goals[-1], self.controller.state, self._whole
+        )
+        self.motion, commands = self.controller.advance(self.motion, seconds, hold=hold)
+        self._carry_out(commands, seconds)
+
+    def _carry_out(self, commands: Sequence[Mapping[str, float]], seconds: float) -> None:
+        for command in commands:
+            self.body.move(command, seconds / len(commands))
+
+    def _close(self) -> Iterator[Cycle]:
+        """Close the hand around the target until the fingers press."""
+        assert self.motion is not None and self.body.robot.hand is not None
+        hand = self.body.robot.hand
+        self.motion = Motion(
+            (replace(self.motion.goals[-1], opening=hand.squeeze, amplitude=0.0),), self.motion.simulated, np.inf
+        )
+        end = self.body.time + CLOSING
+        while self.body.time < end:
+            yield self._look_still("grasp")
+            self._advance(PERIOD)
+
+    def _lift(self) -> Iterator[Cycle]:
+        """Lift straight up, and hold."""
+        assert self.motion is not None
+        start, bottom = self.body.time, self.motion.goals[-1].palm
+        while self.body.time - start < LIFTING + HOLDING:
+            yield self._look_still("lift")
+            palm = bottom.copy()
+            palm[2, 3] += LIFT * float(minimum_jerk((self.body.time - start + PERIOD) / LIFTING))
+            self._carry_out(self.controller.raise_to(palm, PERIOD), PERIOD)
+        self._end("lifted")
+
+    def _look_still(self, phase: str) -> Cycle:
+        """Look where the hand is: around the target."""
+        assert self.motion is not None and self.estimate is not None
+        palm = self._palm()
+        points = np.linspace(palm, self.estimate, PLAN_POINTS)
+        return self._look_along(phase, points, self.motion.goals[-1].palm[:3, 3])
+
+
+def _spread(path: Floats) -> Floats:
+    """So many places (N, 3) of a path, evenly in time."""
+    return path[np.linspace(0, len(path) - 1, PLAN_POINTS - BEYOND).round().astype(int)]
