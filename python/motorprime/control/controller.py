@@ -6,13 +6,14 @@ torso and arm, of neck and eyes, and the hand's synergy into those of the finger
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from .._arrays import Floats, fixed, integer, positive
+from .._arrays import Floats, fixed, integer, positive, rigid
 from ..errors import StateError, UnreachableError
 from .cds import CoupledDynamics
 from .gaze import fixate
@@ -96,6 +97,25 @@ class Controller:
         self._turn_eyes(commands)
         return motion, commands
 
+    def track(self, palm: npt.ArrayLike, seconds: float, *, steps: int = 4) -> list[dict[str, float]]:
+        """Commands that take the palm straight to a pose (4, 4) nearby, eyes and fingers staying as they are.
+
+        Raises:
+            StateError: :meth:`begin` has not been called.
+        """
+        goal = rigid("palm", palm)
+        begun = self._state().palm
+        period = positive("seconds", seconds) / integer("steps", steps, at_least=1)
+        commands: list[dict[str, float]] = []
+        for k in range(1, steps + 1):
+            between = goal.copy()
+            between[:3, 3] = begun[:3, 3] + k / steps * (goal[:3, 3] - begun[:3, 3])
+            self.state = replace(self._state(), palm=between)
+            self._follow(period, None)
+            commands.append(dict(zip(self.arm.names, map(float, self.angles), strict=True)))
+        self._turn_eyes(commands)
+        return commands
+
     def rehearse(self, motion: Motion, *, hold: npt.ArrayLike | None = None) -> bool:
         """Whether the arm can do a motion from where it is, keeping off what it shall, without a leap."""
         palms = motion.simulated.palms
@@ -125,10 +145,8 @@ class Controller:
         robot, last = self.robot, commands[-1]
         begun = self.gaze
         posture = np.array([last.get(name, value) for name, value in zip(robot.gaze, begun, strict=True)])
-        try:
+        with contextlib.suppress(UnreachableError):  # as far aside as that the eyes cannot turn: they stay
             posture = fixate(robot, posture, self._state().fixation)
-        except UnreachableError:
-            pass  # as far aside as that the eyes cannot turn: they stay
         for k, command in enumerate(commands, start=1):
             share = k / len(commands)
             for name, old, new in zip(robot.gaze, begun, posture, strict=True):
@@ -137,7 +155,7 @@ class Controller:
 
 
 def hold_between(first: Floats, last: Floats, goal: Goal, state: State, whole: float) -> Floats:
-    """A posture from ``first`` to ``last`` (n,), by how much of the ``whole`` distance [m] is behind the palm."""
+    """From posture ``first`` to ``last`` (n,), by how much of the ``whole`` way [m] is behind the palm."""
     left = float(np.linalg.norm(state.palm[:3, 3] - goal.palm[:3, 3]))
     share = 1.0 - min(1.0, left / max(whole, 1e-6))
     return first + share * (last - first)

@@ -204,6 +204,17 @@ class Scene:
         path = Path(self._folder.name) / "obstacle.obj"
         self.obstacle = _stand_glass(self.world, path, shape, (float(place[0]), float(place[1])))
 
+    def remove_obstacle(self) -> None:
+        """Take the obstacle away."""
+        if self.obstacle is not None:
+            self.world.bullet.removeBody(self.obstacle)
+            self.obstacle = None
+
+    def touching_glass(self) -> set[str]:
+        """Names of what touches the glass now, but for the robot."""
+        pairs = [] if self.glass is None else self.world.bullet.getContactPoints(bodyA=self.glass)
+        return {self.name_of(int(pair[2])) for pair in pairs if pair[2] != self.world.body}
+
     def move_glass(self, at: tuple[float, float]) -> None:
         """Put the glass, at rest and upright, at x, y [m] on the table: somebody has moved it.
 

@@ -176,7 +176,9 @@ class Pick(Seeker):
             assert self.motion is not None and self.controller.state is not None
             goal = self.motion.goals[-1]
             way = simulate(self.controller.dynamics, self.controller.state, self.motion.goals).path
-            yield self._look_along("reach", self._to_target(_spread(way)), goal.palm[:3, 3], width=self._width())
+            yield self._look_along(
+                "reach", self._to_target(_spread(way)), goal.palm[:3, 3], width=self._width()
+            )
             if self._unseen >= LOST:
                 yield from self._search_again()
                 if self.outcome != "running":
@@ -205,7 +207,7 @@ class Pick(Seeker):
         self._stale = True
 
     def _revise(self) -> None:
-        """Take up what has been seen: a target elsewhere asks for another grasp, an obstacle for another way."""
+        """Take up what was seen: a target elsewhere asks for another grasp, an obstacle for another way."""
         assert self.motion is not None
         if self._stale:
             self._choose()
@@ -221,7 +223,7 @@ class Pick(Seeker):
             self._plan()
 
     def _take(self, sought: Sought, located: Located | None) -> None:
-        """Near the end the hand hides the target, and what is then seen of it is worth less than what is known."""
+        """Near the end the hand hides the target: what is seen then is worth less than what is known."""
         if sought is not self.sought or self.motion is None:
             super()._take(sought, located)
         elif self._left() < NEAR:
@@ -275,7 +277,9 @@ class Pick(Seeker):
         assert self.motion is not None and self.body.robot.hand is not None
         hand = self.body.robot.hand
         self.motion = Motion(
-            (replace(self.motion.goals[-1], opening=hand.squeeze, amplitude=0.0),), self.motion.simulated, np.inf
+            (replace(self.motion.goals[-1], opening=hand.squeeze, amplitude=0.0),),
+            self.motion.simulated,
+            np.inf,
         )
         end = self.body.time + CLOSING
         while self.body.time < end:
@@ -290,7 +294,7 @@ class Pick(Seeker):
             yield self._look_still("lift")
             palm = bottom.copy()
             palm[2, 3] += LIFT * float(minimum_jerk((self.body.time - start + PERIOD) / LIFTING))
-            self._carry_out(self.controller.raise_to(palm, PERIOD), PERIOD)
+            self._carry_out(self.controller.track(palm, PERIOD), PERIOD)
         self._end("lifted")
 
     def _look_still(self, phase: str) -> Cycle:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,14 @@ class SimulatedBody:
     Attributes:
         frames: the last pictures with the simulator's truth; for those who judge, not for the task.
         touched: bodies that the robot has touched so far.
+        watchers: called after every step of the physics; for those who judge.
     """
 
     def __init__(self, world: World, eyes: Eyes) -> None:
         self.world, self.eyes, self.robot = world, eyes, world.robot
         self.frames: Mapping[str, Frame] = {}
         self.touched: set[int] = set()
+        self.watchers: list[Callable[[], None]] = []
         self._commanded: dict[str, float] = {}
 
     @property
@@ -52,4 +54,6 @@ class SimulatedBody:
             )
             self.world.step()
             self.touched |= self.world.touching()
+            for watch in self.watchers:
+                watch()
         self._commanded.update(targets)

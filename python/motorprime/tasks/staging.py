@@ -137,8 +137,16 @@ def strike_seeing_posture(
     raise StateError(f"posture: none of {ATTEMPTS} random ones has {visible:.0%} of the glass in both eyes")
 
 
-def strike_start(stage: Stage, generator: np.random.Generator, *, clearance: float = 0.03) -> None:
+def strike_start(
+    stage: Stage, generator: np.random.Generator, *, clearance: float = 0.03, away: float = 0.0
+) -> None:
     """Put the robot in a random start: gaze and arm drawn, the hand above the table and off everything.
+
+    Args:
+        stage: to put it on.
+        generator: draws.
+        clearance: of every link from every thing [m].
+        away: least horizontal distance of the palm from the glass's axis [m].
 
     Raises:
         StateError: none was found.
@@ -153,6 +161,8 @@ def strike_start(stage: Stage, generator: np.random.Generator, *, clearance: flo
         x, y, z = world.palm_pose()[:3, 3]
         # Over the near half of the table at the hand's own side, not behind or inside the robot.
         if not (-0.32 < x < -0.12 and 0.0 < y < 0.35 and TABLE_HEIGHT + 0.06 < z < 0.22):
+            continue
+        if away and np.hypot(*(np.array([x, y]) - stage.scene.glass_pose()[0][:2])) < away:
             continue
         if world.clear_of(others, clearance):
             return

@@ -1,0 +1,102 @@
+"""What happens to the scene while the robot reaches: the experimenter's side, which knows the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .._arrays import Floats
+from ..errors import ArgumentError, StateError
+from ..sim.scene import REGION, Glass, Scene
+from .cycle import Cycle
+
+JUMP = 0.10  # of the glass [m]
+ATTEMPTS = 400
+GLASS_ROOM = 0.08  # between the surfaces of glass and obstacle [m]: the hand's fingers close there
+HAND_ROOM = 0.08  # between the palm and the surface of an obstacle that appears [m]
+ROOM = 0.02  # between the surfaces of the obstacle and any other thing [m]
+BESIDE = 0.03  # an obstacle is at most so far from the straight way [m]
+BETWEEN = (0.35, 0.7)  # part of the way from palm to glass
+
+
+@dataclass
+class Disturbance:
+    """Lets the glass jump or an obstacle appear, once, some time after the hand has set out.
+
+    Attributes:
+        after: seconds from the first cycle of the reach.
+        obstacle: what appears; None lets the glass jump.
+        happened: whether it did.
+    """
+
+    generator: np.random.Generator
+    after: float
+    obstacle: Glass | None = None
+    happened: bool = field(default=False, init=False)
+    _since: float | None = field(default=None, init=False)
+
+    def watch(self, cycle: Cycle, scene: Scene, palm: Floats) -> None:
+        """Called after every cycle of the task."""
+        if cycle.phase != "reach" or self.happened:
+            return
+        if self._since is None:
+            self._since = cycle.time
+        if cycle.time - self._since < self.after:
+            return
+        try:
+            if self.obstacle is None:
+                scene.move_glass(spot_beside(scene, self.generator))
+            else:
+                scene.stand_obstacle(self.obstacle, spot_between(scene, self.obstacle, palm, self.generator))
+        except StateError:
+            return  # no room now; perhaps at the next cycle
+        self.happened = True
+
+
+def spot_beside(scene: Scene, generator: np.random.Generator) -> tuple[float, float]:
+    """A place in reach, :data:`JUMP` from where the glass stands, with room for it.
+
+    Raises:
+        StateError: none was found.
+    """
+    here = scene.glass_pose()[0][:2]
+    for _ in range(ATTEMPTS):
+        angle = generator.uniform(0.0, 2.0 * np.pi)
+        spot = here + JUMP * np.array([np.cos(angle), np.sin(angle)])
+        inside = all(low <= value <= high for value, (low, high) in zip(spot, REGION, strict=True))
+        if inside and _room(scene, spot, scene.layout.glass.radius, GLASS_ROOM):
+            return float(spot[0]), float(spot[1])
+    raise StateError("glass: no place 10 cm off is free and in reach")
+
+
+def spot_between(
+    scene: Scene, shape: Glass, palm: Floats, generator: np.random.Generator
+) -> tuple[float, float]:
+    """A place for an obstacle on the way from the palm (3,) [m] to the glass, with room around it.
+
+    Raises:
+        StateError: none was found.
+    """
+    glass, radius = scene.glass_pose()[0][:2], scene.layout.glass.radius
+    way = glass - palm[:2]
+    length = float(np.linalg.norm(way))
+    if length < 1e-6:
+        raise StateError("obstacle: the palm is over the glass")
+    across = np.array([-way[1], way[0]]) / length
+    for _ in range(ATTEMPTS):
+        spot = palm[:2] + generator.uniform(*BETWEEN) * way + generator.uniform(-BESIDE, BESIDE) * across
+        apart = float(np.linalg.norm(spot - glass)) - radius - shape.radius
+        hand = float(np.linalg.norm(spot - palm[:2])) - shape.radius
+        if apart < GLASS_ROOM or hand < HAND_ROOM or not _room(scene, spot, shape.radius, ROOM):
+            continue
+        return float(spot[0]), float(spot[1])
+    raise StateError("obstacle: there is no room for one between the hand and the glass")
+
+
+def _room(scene: Scene, spot: Floats, radius: float, apart: float) -> bool:
+    """Whether a thing of that radius would keep ``apart`` [m] off kitchenware."""
+    return all(
+        float(np.linalg.norm(spot - np.array(at))) - radius - thing.radius > apart
+        for thing, at in scene.layout.clutter
+    )

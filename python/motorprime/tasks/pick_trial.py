@@ -1,0 +1,159 @@
+"""One seeded trial of picking up, staged, disturbed and judged."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..control.cds import CoupledDynamics
+from ..errors import StateError
+from ..robot import Robot
+from ..sim.scene import CANISTER, TABLE_HEIGHT, Glass
+from ..sim.world import STEP
+from .cycle import Cycle, Settings
+from .disturbance import Disturbance, spot_between
+from .pick import Pick
+from .staging import strike_start, target_of
+from .trial import BENCH, Staged
+
+LIFTED, HELD = 0.05, 1.0
+"""The glass counts as lifted when its bottom stays so high over the table [m] for so long [s]."""
+
+AWAY = 0.24  # of the palm's start from the glass when something is to stand between [m]
+STARTS = 40  # until there is room for an obstacle
+SOON, LATE = 0.3, 0.9  # when a disturbance happens after the hand has set out [s]
+
+
+@dataclass(frozen=True)
+class PickVerdict:
+    """A trial judged by the simulator's truth.
+
+    Attributes:
+        outcome: what the task said of itself: 'lifted', 'not found', 'refused' or 'missed'.
+        lifted: for the whole last second the glass's bottom was 5 cm over the table, and nothing but the
+            robot touched it.
+        touched_obstacle: whether any part of the robot ever touched the obstacle.
+        height_m: the lowest of the glass's bottom over the table in that second.
+        glass_error_m: error of the estimate of the glass's place when the hand began to close.
+        mass_kg, width_m: of the glass.
+        disturbed: whether what was to happen on the way did.
+        touched: names of what the robot touched.
+    """
+
+    outcome: str
+    reason: str
+    lifted: bool
+    touched_obstacle: bool
+    height_m: float | None
+    glass_error_m: float | None
+    mass_kg: float
+    width_m: float
+    disturbed: bool
+    touched: tuple[str, ...]
+
+
+class PickTrial(Staged):
+    """A trial of picking up a glass.
+
+    Args:
+        robot: with its URDF.
+        seed: of everything, see :class:`.trial.Staged`.
+        dynamics: of eye, arm and hand.
+        obstacle: let something stand between hand and glass.
+        perturb: let the glass jump 10 cm while the hand is on its way; with ``obstacle``, let that appear
+            only then, and the glass stay.
+        settings: of the task.
+        others: as of :class:`.trial.Staged`.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        seed: int | list[int],
+        dynamics: CoupledDynamics,
+        *,
+        obstacle: bool = False,
+        perturb: bool = False,
+        settings: Settings | None = None,
+        **others: Any,
+    ) -> None:
+        self._obstacle, self._perturb = obstacle, perturb
+        super().__init__(robot, seed, **others)
+        self.disturbance = None
+        if perturb:
+            after = float(self.generator.uniform(SOON, LATE))
+            self.disturbance = Disturbance(self.generator.spawn(1)[0], after, CANISTER if obstacle else None)
+        self.task = Pick(
+            self.body,
+            target_of(self.stage.layout.glass),
+            self.attention,
+            BENCH,
+            dynamics,
+            obstacles=(target_of(CANISTER),),
+            settings=settings,
+            seed=self.generator,
+        )
+        self._heights: deque[float] = deque(maxlen=round(HELD / STEP))
+        self._glass_error: float | None = None
+        self.body.watchers.append(self._watch)
+
+    def run(self) -> Iterator[Cycle]:
+        """The task's cycles, with what happens meanwhile."""
+        scene = self.stage.scene
+        for cycle in self.task.run():
+            if cycle.phase == "grasp" and self._glass_error is None and cycle.estimate is not None:
+                self._glass_error = float(np.linalg.norm(cycle.estimate - scene.glass_pose()[0]))
+            yield cycle
+            if self.disturbance is not None:
+                self.disturbance.watch(cycle, scene, self.stage.world.palm_pose()[:3, 3])
+
+    def judge(self) -> PickVerdict:
+        """Hold what the task achieved against the truth."""
+        scene, glass = self.stage.scene, self.stage.layout.glass
+        height = min(self._heights) if len(self._heights) == self._heights.maxlen else None
+        alone = scene.glass is not None and not scene.touching_glass()
+        touched = self.touched()
+        return PickVerdict(
+            outcome=self.task.outcome,
+            reason=self.task.reason,
+            lifted=height is not None and height >= LIFTED and alone,
+            touched_obstacle="obstacle" in touched,
+            height_m=height,
+            glass_error_m=self._glass_error,
+            mass_kg=glass.mass,
+            width_m=2.0 * glass.radius,
+            disturbed=self.disturbance is not None and self.disturbance.happened,
+            touched=touched,
+        )
+
+    def _draw_glass(self) -> Glass:
+        return draw_glass(self.generator)
+
+    def _strike(self) -> None:
+        if not self._obstacle:
+            strike_start(self.stage, self.generator)
+            return
+        for _ in range(STARTS):
+            strike_start(self.stage, self.generator, away=AWAY)
+            if self._perturb:
+                return  # it appears later
+            palm = self.stage.world.palm_pose()[:3, 3]
+            try:
+                spot = spot_between(self.stage.scene, CANISTER, palm, self.generator)
+            except StateError:
+                continue
+            self.stage.scene.stand_obstacle(CANISTER, spot)
+            if self.stage.world.clear_of([self.stage.scene.obstacle], 0.02):
+                return
+            self.stage.scene.remove_obstacle()
+        raise StateError(f"obstacle: after {STARTS} starts there is no room for one between hand and glass")
+
+    def _watch(self) -> None:
+        scene = self.stage.scene
+        if scene.glass is not None:
+            bottom = scene.glass_pose()[0][2] - self.stage.layout.glass.height / 2 - TABLE_HEIGHT
+            self._heights.append(float(bottom))
