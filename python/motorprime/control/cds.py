@@ -22,14 +22,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .._arrays import Floats, fixed, positive
+from .._arrays import Floats, finite, fixed, not_negative, numbers, positive, rows
+from .._core import CoupledSystem
 from ..errors import ArgumentError, ArgumentTypeError
 from ..model_files import read_model, write_model
 from .coupling import Coupling
 from .lpvds import LpvDs
-from .movement import ARM, EYE, HAND, LEAST_OPEN, MOST_OPEN, Goal, RollOut, State, Tolerance
+from .movement import LEAST_OPEN, MOST_OPEN, Ends, Goal, RollOut, State, Tolerance
 
-__all__ = ["CoupledDynamics", "Goal", "RollOut", "State", "Tolerance"]
+__all__ = ["CoupledDynamics", "Ends", "Goal", "RollOut", "State", "Tolerance"]
 
 KIND = "coupled dynamics"
 CLOSE = 0.001
@@ -37,6 +38,7 @@ CLOSE = 0.001
 palm that only has to turn would else wait for the eye for ever."""
 MAX_STEPS = 1_000_000
 
+_NEVER = np.zeros(4)
 _SYSTEMS = {"eye": 3, "arm": 6, "hand": 1}
 _COUPLINGS = ("eye_arm", "arm_hand")
 
@@ -94,6 +96,7 @@ class CoupledDynamics:
         self.eye_arm, self.arm_hand = eye_arm, arm_hand
         self.alpha, self.beta = _rates("alpha", alpha), _rates("beta", beta)
         self.about = dict(about or {})
+        self._kernel = self._compiled()
 
     @property
     def systems(self) -> dict[str, LpvDs]:
@@ -131,8 +134,8 @@ class CoupledDynamics:
             ArgumentError: ``dt`` is larger than :attr:`largest_step`, or not > 0.
         """
         dt = self._checked(dt)
-        relative = self._advanced(_given(state, goal), goal.amplitude, dt)
-        fixations, palms, openings = goal.absolute(relative[None])
+        states, _ = self._kernel.roll_out(_given(state, goal), goal.amplitude, dt, 1, _NEVER)
+        fixations, palms, openings = goal.absolute(states[1:])
         # Without this a system that overshoots could leave the range in which a state is accepted again.
         opening = min(max(float(openings[0]), LEAST_OPEN), MOST_OPEN)
         return State(fixations[0], palms[0], opening)
@@ -165,14 +168,49 @@ class CoupledDynamics:
         dt = self._checked(dt)
         steps = _steps(seconds, dt)
         limits = (tolerance or Tolerance()).array()
-        states = [_given(state, goal)]
-        arrived = _there(states[0], limits)
-        while not arrived and len(states) <= steps:
-            states.append(self._advanced(states[-1], goal.amplitude, dt))
-            arrived = _there(states[-1], limits)
-        fixations, palms, openings = goal.absolute(np.array(states))
+        states, arrived = self._kernel.roll_out(_given(state, goal), goal.amplitude, dt, steps, limits)
+        fixations, palms, openings = goal.absolute(states)
         times = np.arange(len(states), dtype=np.float64) * dt
         return RollOut(times, fixations, palms, openings, arrived)
+
+    def ends(
+        self,
+        relative: npt.ArrayLike,
+        *,
+        amplitude: float = 1.0,
+        dt: float = 0.01,
+        seconds: npt.ArrayLike = 10.0,
+        tolerance: Tolerance | None = None,
+        early: tuple[float, float] = (0.1, 0.02),
+    ) -> Ends:
+        """How movements from many states end, computed on all processors.
+
+        Args:
+            relative: (N, 10) starts as :meth:`Goal.relative` gives them.
+            amplitude: of the hand's opening, as in :class:`Goal`.
+            dt: Euler step [s], at most :attr:`largest_step`.
+            seconds: when to give up: one number, or one for each start (N,); may be 0.
+            tolerance: what counts as there; :class:`Tolerance`'s own values when not given.
+            early: opening and distance [m]; a hand that is open less while the palm is farther closed early.
+
+        Returns:
+            Where each ended, when it arrived, and whether its hand closed early.
+
+        Raises:
+            ArgumentError: as for :meth:`roll_out`, and for states of another shape.
+        """
+        dt = self._checked(dt)
+        states = rows("relative", relative, 10)
+        each = finite("seconds", numbers("seconds", seconds))
+        if each.shape not in ((), (len(states),)):
+            raise ArgumentError(f"seconds: expected one number or shape ({len(states)},), got {each.shape}")
+        if (each < 0.0).any() or (each > MAX_STEPS * dt).any():
+            raise ArgumentError(f"seconds: expected 0 to {MAX_STEPS} steps of dt = {dt} s")
+        steps = np.broadcast_to(np.ceil(each / dt - 1e-9), (len(states),)).astype(np.int64)
+        limits = (tolerance or Tolerance()).array()
+        amplitude = not_negative("amplitude", amplitude)
+        last, arrived, closed = self._kernel.ends(states, amplitude, dt, steps.tolist(), limits, early)
+        return Ends(last, np.where(arrived < 0, np.nan, arrived * dt), closed)
 
     def save(self, path: str | Path) -> None:
         """Write the model to a safetensors file.
@@ -202,6 +240,25 @@ class CoupledDynamics:
         alpha, beta = arrays["alpha"], arrays["beta"]
         return cls(eye, arm, hand, eye_arm, arm_hand, alpha=alpha, beta=beta, about=about.get("about"))
 
+    def _compiled(self) -> CoupledSystem:
+        eye, arm, hand = (
+            (system.weights, system.means, system.covariances, system.matrices)
+            for system in self.systems.values()
+        )
+        eye_arm, arm_hand = (
+            (coupling.weights, coupling.means, coupling.covariances, coupling.near)
+            for coupling in (self.eye_arm, self.arm_hand)
+        )
+        return CoupledSystem(eye, arm, hand, eye_arm, arm_hand, self.alpha, self.beta, CLOSE)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For copies and pickles: the kernel is compiled again."""
+        return {name: value for name, value in vars(self).items() if name != "_kernel"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._kernel = self._compiled()
+
     def _checked(self, dt: float) -> float:
         dt = positive("dt", dt)
         # A hair more than the limit is what division by alpha and beta may have rounded off.
@@ -210,25 +267,6 @@ class CoupledDynamics:
                 f"dt: expected at most {self.largest_step:.6g} s, the certified step, got {dt}"
             )
         return dt
-
-    def _advanced(self, relative: Floats, amplitude: float, dt: float) -> Floats:
-        """The state (10,) relative to the goal, one Euler step later."""
-        eye, arm, hand = relative[EYE], relative[ARM], relative[HAND:]
-        distance = float(np.linalg.norm(arm[:3]))
-        rho = max(0.0, float(self.eye_arm.expected(float(np.linalg.norm(eye)))))
-        gate = 1.0 - min(1.0, rho / max(distance, CLOSE))
-        wanted = amplitude * min(1.0, max(0.0, float(self.arm_hand.expected(distance))))
-        moved: Floats = np.concatenate(
-            [
-                eye + dt * self.alpha[0] * self.eye.velocity(self.beta[0] * eye),
-                arm + dt * self.alpha[1] * self.arm.velocity(self.beta[1] * gate * arm),
-                hand + dt * self.alpha[2] * self.hand.velocity(self.beta[2] * (hand - wanted)),
-            ]
-        )
-        angle = float(np.linalg.norm(moved[6:9]))
-        if angle > math.pi:  # the other way round is shorter
-            moved[6:9] *= 1.0 - 2.0 * math.pi / angle
-        return moved
 
 
 def _rates(name: str, value: npt.ArrayLike) -> Floats:
@@ -251,9 +289,3 @@ def _steps(seconds: float, dt: float) -> int:
     if steps > MAX_STEPS:
         raise ArgumentError(f"seconds: expected at most {MAX_STEPS} steps of dt = {dt} s, got {seconds} s")
     return steps
-
-
-def _there(relative: Floats, limits: Floats) -> bool:
-    """Whether eye, place, rotation and hand are all within their limits (4,)."""
-    parts = (relative[EYE], relative[3:6], relative[6:9], relative[HAND:])
-    return all(float(np.linalg.norm(part)) < limit for part, limit in zip(parts, limits, strict=True))

@@ -155,6 +155,24 @@ class RollOut:
         return places
 
 
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """How many movements ended.
+
+    Attributes:
+        relative: (N, 10) last states, as seen from the goal.
+        arrived: (N,) [s] when each came within its tolerance; NaN where it did not in its time.
+        closed_early: (N,) whether the hand closed while the palm was far.
+    """
+
+    relative: Floats
+    arrived: Floats
+    closed_early: npt.NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.arrived)
+
+
 def _copy(array: Floats) -> Floats:
     copy: Floats = array.copy()
     copy.flags.writeable = False
