@@ -7,6 +7,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TypeVar
 
+from .control.cds import CoupledDynamics
 from .errors import StateError
 from .peripersonal_model import PeripersonalModel
 from .projection import HybridProjection, KinematicProjection, NeuralProjection
@@ -14,6 +15,7 @@ from .robot import Robot
 
 NEURAL = "icub-projection.safetensors"
 PERIPERSONAL = "icub-peripersonal.safetensors"
+DYNAMICS = "cds.safetensors"
 
 T = TypeVar("T")
 
@@ -45,6 +47,15 @@ def peripersonal_model(robot: Robot) -> PeripersonalModel:
 def hybrid_projection(robot: Robot) -> HybridProjection:
     """Kinematics, with room for networks that :meth:`HybridProjection.adapt` adds where they help."""
     return HybridProjection(KinematicProjection(robot))
+
+
+def coupled_dynamics() -> CoupledDynamics:
+    """Eye, arm and hand as learned from recorded human reaches, with a gaze made up from published timings.
+
+    Raises:
+        StateError: the file is missing from the installation, or its certificate does not hold.
+    """
+    return _read(DYNAMICS, CoupledDynamics.load)
 
 
 def _shapes(robot: Robot) -> dict[str, tuple[int, int]]:

@@ -192,6 +192,11 @@ class Scene:
             return self.layout.clutter[self.clutter.index(body)][0].name
         return "room"
 
+    def on_table(self, at: Floats, radius: float) -> bool:
+        """Whether a foot of that radius at x, y (2,) [m] stands on the table as a whole."""
+        bounds = zip(at, (TABLE_X, TABLE_Y), strict=True)
+        return all(low + radius <= value <= high - radius for value, (low, high) in bounds)
+
     def stand_obstacle(self, shape: Glass, at: tuple[float, float]) -> None:
         """Let an obstacle appear at x, y [m] on the table.
 

@@ -90,6 +90,8 @@ def spot_between(
         hand = float(np.linalg.norm(spot - palm[:2])) - shape.radius
         if apart < GLASS_ROOM or hand < HAND_ROOM or not _room(scene, spot, shape.radius, ROOM):
             continue
+        if not scene.on_table(spot, shape.radius):
+            continue
         return float(spot[0]), float(spot[1])
     raise StateError("obstacle: there is no room for one between the hand and the glass")
 
