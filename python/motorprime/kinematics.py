@@ -246,7 +246,7 @@ class Chain:
     @property
     def end(self) -> Floats:
         """Pose (4, 4) of the tip in the last moving joint's frame."""
-        return self._end.copy()
+        return np.array(self._end)
 
     def _steps(self, q: Floats) -> Floats:
         """Each joint's origin times its turn: angles (..., n) [rad] -> (..., n, 4, 4)."""

@@ -1,4 +1,4 @@
-"""Torso and arm at one posture: where each of their points is and how it moves, from one pass of the chain."""
+"""Torso and arm at a posture: where each of their points is and how it moves, from one pass of the chain."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Levenberg-Marquardt (Madsen, Nielsen and Tingleff, *Methods for non-linear least squares problems*, 2004)
 whose every step is solved within the box: a variable that would leave it stops at its limit, and the others
-are solved again with that known.
+are solved with that known.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from .._arrays import Floats
 ITERATIONS = 60
 DAMPING = 1e-3  # at the start, relative to the largest diagonal element of J^T J
 LARGEST_DAMPING = 1e12
+PASSES = 8  # of the search for the limits that hold a step
 STILL = 1e-6  # a step shorter than this in every variable ends the search
 
 
@@ -83,27 +84,31 @@ def minimise(
 
 
 def box_step(hessian: Floats, gradient: Floats, damping: float, lower: Floats, upper: Floats) -> Floats:
-    """The step (n,) of lower <= 0 <= upper that solves (H + damping I) s = -g for the variables that can move.
+    """The step (n,) within lower <= 0 <= upper that minimises g s + s (H + damping I) s / 2.
 
-    A variable at its limit that the gradient pushes outwards stays; one whose step crosses a limit ends
-    there, and the rest is solved anew.
+    By the primal-dual active set method (Hintermueller, Ito and Kunisch, 2002): what crosses a limit is held
+    there, what is held against its slope is let go. Should that not settle, the last step is cut to the box;
+    it may then lead up, which more damping mends.
     """
     damped = hessian + damping * np.eye(len(gradient))
-    stays = ((lower >= 0.0) & (gradient > 0.0)) | ((upper <= 0.0) & (gradient < 0.0))
-    step = np.zeros_like(gradient)
-    while not stays.all():
-        if stays.any():  # their rows say that their steps are what they are
-            known = np.where(stays, step, 0.0)
-            matrix = np.where(stays[:, None] | stays, 0.0, damped) + np.diag(stays.astype(np.float64))
-            step = np.linalg.solve(matrix, np.where(stays, step, -gradient - damped @ known))
+    low, high = (lower >= 0.0) & (gradient > 0.0), (upper <= 0.0) & (gradient < 0.0)
+    step: Floats = np.zeros_like(gradient)
+    for _ in range(PASSES):
+        held = low | high
+        if held.any():  # their rows say that their steps are the limits
+            known = np.where(low, lower, np.where(high, upper, 0.0))
+            matrix = np.where(held[:, None] | held, 0.0, damped) + np.diag(held.astype(np.float64))
+            step[:] = np.linalg.solve(matrix, np.where(held, known, -gradient - damped @ known))
+            slope = damped @ step + gradient
+            new_low = np.where(low, slope > 0.0, step < lower)
+            new_high = np.where(high, slope < 0.0, step > upper)
         else:
-            step = np.linalg.solve(damped, -gradient)
-        crossing = ~stays & ((step < lower) | (step > upper))
-        if not crossing.any():
+            step[:] = np.linalg.solve(damped, -gradient)
+            new_low, new_high = step < lower, step > upper
+        if (new_low == low).all() and (new_high == high).all():
             break
-        step = np.clip(step, lower, upper)
-        stays |= crossing
-    return step
+        low, high = new_low, new_high & ~new_low
+    return np.clip(step, lower, upper)
 
 
 def _model(residuals: Floats, jacobian: Floats) -> tuple[float, Floats, Floats]:

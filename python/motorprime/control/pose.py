@@ -2,9 +2,9 @@
 
 Sought are the joints q that minimise a sum of squares within the joint limits::
 
-    |600 / m (p(q) - p*)|^2 + |60 / rad diag(turning) log(R*^T R(q))|^2  the palm's pose
-    + |comfort (q - hold)|^2 + |0.3 / rad (swivel(q) - swivel*)|^2       the posture, where the pose leaves a choice
-    + sum |800 / m depth(q)|^2                                           one-sided: table and obstacles
+    |600 / m (p(q) - p*)|^2 + |60 / rad diag(turning) log(R*^T R(q))|^2   the palm's pose
+    + |comfort (q - hold)|^2 + a preference's                             if that leaves a choice
+    + sum |800 / m depth(q)|^2                                            one-sided: table, obstacles
 
 What ends outside the tolerance is tried again from other postures: the nearest of a few hundred that were
 drawn once, when the solver was made.
@@ -36,9 +36,9 @@ TOLERANCE = (0.002, float(np.deg2rad(2.0)))
 DEEPEST = 0.005
 """Largest depth [m] in a clearance of a solved pose: the clearances have that much to spare."""
 STAGES = ((0.05, 1e-3), (1.0, 0.03))
-"""Firmness of the pose, and the share of the cost that a step must promise to lower. A firm pose bends the way
-to a comfortable posture into a narrow valley that takes a hundred steps; a soft one takes ten, and few firm
-ones mend the pose."""
+"""Firmness of the pose, and the share of the cost that a step must promise to lower. A firm pose bends the
+way to a comfortable posture into a narrow valley that takes a hundred steps; a soft one takes ten, and few
+firm ones mend the pose."""
 ITERATIONS = 30  # of each stage; 95 of 100 searches that find the pose need fewer
 LIBRARY = 512  # postures drawn as starts
 RESTARTS = 12
@@ -115,7 +115,9 @@ class PoseSolver:
         )
         self._preference = preference
         self._clearance = Clearance(self.arm, bench, obstacles)
-        self._library = generator(seed).uniform(*self.limits.T, size=(LIBRARY, len(self.names)))
+        self._library = generator(seed).uniform(
+            self.limits[:, 0], self.limits[:, 1], size=(LIBRARY, len(self.names))
+        )
         self._library_palms = self.arm.chain.forward(self._library) @ robot.palm.frame
 
     def over(self, bench: Bench | None, obstacles: Sequence[Obstacle] = ()) -> PoseSolver:
@@ -128,9 +130,10 @@ class PoseSolver:
         """Pose (4, 4) of the palm at angles (n,) [rad]."""
         return self.arm.at(angles).palm
 
-    def discomfort(self, angles: Floats, hold: Floats | None = None) -> float:
+    def discomfort(self, angles: npt.ArrayLike, hold: npt.ArrayLike | None = None) -> float:
         """How far angles (n,) are from ``hold`` (n,), the resting posture when not given: sum of squares."""
-        away = self._comfort * (angles - (self.rest if hold is None else hold))
+        held = self.rest if hold is None else self._angles("hold", hold)
+        away = self._comfort * (self._angles("angles", angles) - held)
         return float(away @ away)
 
     def solve(
@@ -233,7 +236,7 @@ class PoseSolver:
         return fixed(name, value, (len(self.names),))
 
     def _starts(self, goal: _Goal, count: int) -> Floats:
-        """The postures of the library (count, n) whose palm is nearest to the goal, in the search's measure."""
+        """Those postures (count, n) of the library whose palms are nearest to the goal."""
         off = POSITION * (self._library_palms[:, :3, 3] - goal.palm[:3, 3])
         cosines = (np.einsum("kij,ij->k", self._library_palms[:, :3, :3], goal.palm[:3, :3]) - 1.0) / 2.0
         turned = TURN * np.arccos(np.clip(cosines, -1.0, 1.0)) * goal.turning.min()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ AHEAD = 2.0  # [s] that the palm is given for such a way
 def evaluate_ik(
     robot: Robot, *, poses: int = 1000, seed: int = 0, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Solve ``poses`` of the palm that uniform joints within the limits give, always from the resting posture.
+    """Solve poses of the palm that uniform joints within the limits give, always from the resting posture.
 
     Args:
         robot: with its URDF.
@@ -40,7 +41,8 @@ def evaluate_ik(
     progress = progress or Progress()
     rng = generator(seed)
     solver, careful = PoseSolver(robot, margin=0.0), PoseSolver(robot)
-    postures = rng.uniform(*robot.limits(solver.names).T, size=(poses, len(solver.names)))
+    low, high = robot.limits(solver.names).T
+    postures = rng.uniform(low, high, size=(poses, len(low)))
     targets = [solver.palm(angles) for angles in postures]
     solver.nearest(targets[0])  # the first call loads what the others use
     took, found, kept = [], [], 0
@@ -84,7 +86,8 @@ def _follow(solver: PoseSolver, solved: list[PoseSolution], progress: Progress) 
     That way is within the limits, so that whatever the palm is off is the loop's fault.
     """
     off, turned, took = [], [], []
-    for before, after in progress.over(list(zip(solved, solved[1:], strict=False))[:FOLLOWED], "following"):
+    ways = list(pairwise(solved))[:FOLLOWED]
+    for before, after in progress.over(ways, "following"):
         angles = before.angles
         for share in np.linspace(0.0, 1.0, round(AHEAD * RATE)):
             way: Floats = before.angles + (3.0 - 2.0 * share) * share**2 * (after.angles - before.angles)
