@@ -62,7 +62,9 @@ class World:
             self.bullet.resetDebugVisualizerCamera(1.1, 230, -25, [-0.2, 0.0, 0.1])
         try:
             with silenced(1):
-                self.body: int = self.bullet.loadURDF(str(robot.urdf), useFixedBase=True)
+                self.body: int = self.bullet.loadURDF(
+                    str(robot.urdf), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
+                )
         except pybullet.error:
             self.close()
             raise StateError(f"robot: pybullet cannot load {robot.urdf}, or a mesh of it") from None
