@@ -189,20 +189,21 @@ class Chain:
         self.names: tuple[str, ...] = tuple(joint.name for joint in joints if joint.moves)
         self.limits: Floats = np.array([(j.lower, j.upper) for j in joints if j.moves]).reshape(-1, 2)
         # Fixed joints fold into the origin of the next moving one, so a pose costs one product per variable.
-        self._origins: list[Floats] = []
-        self._axes: list[Floats] = []
+        origins: list[Floats] = []
+        axes: list[Floats] = []
         turns: list[_Turn] = []
         pending = np.eye(4)
         for joint in joints:
             pending = pending @ joint.origin
             if joint.moves:
-                self._origins.append(pending)
-                self._axes.append(joint.axis)
+                origins.append(pending)
+                axes.append(joint.axis)
                 turns.append(_Turn(joint.axis))
                 pending = np.eye(4)
         self._end = pending
+        self._axes: Floats = np.reshape(axes, (-1, 3))
         # Origin times turn is linear in sine and versine: all joints' products in a few operations.
-        self._plain = np.reshape(self._origins, (-1, 4, 4))
+        self._plain = np.reshape(origins, (-1, 4, 4))
         self._sine = self._plain @ np.reshape([turn.cross for turn in turns], (-1, 4, 4))
         self._versine = self._plain @ np.reshape([turn.square for turn in turns], (-1, 4, 4))
 
@@ -220,18 +221,32 @@ class Chain:
 
         Column k is (z_k x (p - p_k), z_k), z_k the joint's axis and p_k its place in the base frame.
         """
+        frames = self.frames(angles)
+        pose = frames[-1] @ self._end if len(frames) else self._end.copy()
+        z, (lx, ly, lz) = self.axes(frames), (pose[:3, 3] - frames[:, :3, 3]).T
+        x, y, _ = z.T
+        linear = [y * lz - z[:, 2] * ly, z[:, 2] * lx - x * lz, x * ly - y * lx]
+        return pose, np.vstack([*linear, z.T])
+
+    def frames(self, angles: ArrayLike) -> Floats:
+        """Pose (n, 4, 4) in the base frame of what each moving joint carries, at one posture (n,) [rad]."""
         q = self._checked(angles)
         if q.ndim != 1:
             raise ArgumentError(f"angles: one posture of shape ({len(self.names)},) expected, got {q.shape}")
-        pose, axes, places, steps = np.eye(4), [], [], self._steps(q)
-        for k, (origin, axis) in enumerate(zip(self._origins, self._axes, strict=True)):
-            before = pose @ origin
-            axes.append(before[:3, :3] @ axis)
-            places.append(before[:3, 3])
-            pose = pose @ steps[k]
-        pose = pose @ self._end
-        z, levers = np.reshape(axes, (-1, 3)), pose[:3, 3] - np.reshape(places, (-1, 3))
-        return pose, np.vstack([np.cross(z, levers).T, z.T])
+        poses = self._steps(q)
+        for k in range(1, len(poses)):
+            poses[k] = poses[k - 1].dot(poses[k])
+        return poses
+
+    def axes(self, frames: Floats) -> Floats:
+        """Unit axes (n, 3) of the moving joints in the base frame; a joint's turn leaves its own axis."""
+        directions: Floats = (frames[:, :3, :3] @ self._axes[:, :, None])[:, :, 0]
+        return directions
+
+    @property
+    def end(self) -> Floats:
+        """Pose (4, 4) of the tip in the last moving joint's frame."""
+        return self._end.copy()
 
     def _steps(self, q: Floats) -> Floats:
         """Each joint's origin times its turn: angles (..., n) [rad] -> (..., n, 4, 4)."""

@@ -21,6 +21,7 @@ STANDOFF = 0.08
 """Distance [m] of the palm's origin from the object's axis at the pre-grasp point."""
 
 POSITION, FACING, LEVEL, COMFORT = 600.0, 4.0, 1.5, 0.12  # weights: per m, per unit of direction, per rad
+STIFF_TORSO = 5.0  # a radian of the torso weighs so much more than one of the arm
 HAND = np.array(
     [
         [0.11, -0.03, -0.01], [0.11, 0.035, -0.01], [0.03, 0.035, -0.01], [-0.04, 0.03, -0.02],
@@ -79,7 +80,7 @@ class ReachSolver:
         # Keep a little off the limits: a joint at its stop cannot follow a correction.
         self.limits = self.limits + np.column_stack([0.02 * span, -0.02 * span])
         self.rest = np.clip(robot.resting(self.names), self.limits[:, 0], self.limits[:, 1])
-        stiff = np.array([5.0 if name in robot.torso else 1.0 for name in self.names])
+        stiff = np.array([STIFF_TORSO if name in robot.torso else 1.0 for name in self.names])
         self.comfort = COMFORT * stiff
         self._limbs = [robot.tree.chain(robot.root, link) for link in robot.guarded]
         for link, limb in zip(robot.guarded, self._limbs, strict=True):
