@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ._arrays import Floats, fixed
 from .camera import Camera
+from .control.hand import Hand
 from .errors import ArgumentError, StateError
 from .kinematics import Chain, KinematicTree, rotation_from_rpy, transform
 
@@ -56,6 +57,7 @@ class Robot:
         guarded: links of the arm -> height [m] that they keep over a work surface.
         aside: place [m] of the palm in the root frame where the hand is out of the eyes' way.
         parked: angles [rad] of joints that no task moves; others of them park at zero or their nearest limit.
+        hand: motors and shapes of the hand at the palm; None for a robot that only reaches.
         urdf: the kinematics; a robot without it serves as a template, see :meth:`with_urdf`.
     """
 
@@ -74,6 +76,7 @@ class Robot:
     guarded: Mapping[str, float] = field(default_factory=dict)
     aside: tuple[float, float, float] | None = None
     parked: Mapping[str, float] = field(default_factory=dict)
+    hand: Hand | None = None
     urdf: Path | None = None
 
     def with_urdf(self, path: str | Path) -> Robot:
@@ -159,6 +162,59 @@ def _degrees(**ranges: tuple[float, float]) -> dict[str, tuple[float, float]]:
     return {name: (float(np.deg2rad(low)), float(np.deg2rad(high))) for name, (low, high) in ranges.items()}
 
 
+_FINGER_RANGES = _degrees(
+    r_hand_finger=(0, 60),
+    r_thumb_oppose=(0, 90),
+    r_thumb_proximal=(0, 90),
+    r_thumb_distal=(0, 180),
+    r_index_proximal=(0, 90),
+    r_index_distal=(0, 180),
+    r_middle_proximal=(0, 90),
+    r_middle_distal=(0, 180),
+    r_pinky=(0, 270),
+)
+"""Of the right hand's nine motors. A motor that moves several joints in a row counts their sum, as the real
+one's does; the spread counts from fingers side by side, the real one's from fingers spread."""
+
+_FINGER_COUPLINGS: dict[str, dict[str, float]] = {
+    "r_index_adduction_joint": {"r_hand_finger": -1 / 3},
+    "r_ring_adduction_joint": {"r_hand_finger": 1 / 3},
+    "r_little_adduction_joint": {"r_hand_finger": 1 / 3},
+    "r_thumb_opposition_joint": {"r_thumb_oppose": 1.0},
+    **{f"r_{finger}_proximal_joint": {f"r_{finger}_proximal": 1.0} for finger in ("thumb", "index", "middle")},
+    **{
+        f"r_{finger}_{phalanx}_joint": {f"r_{finger}_distal": 0.5}
+        for finger in ("thumb", "index", "middle")
+        for phalanx in ("middle", "distal")
+    },
+    **{
+        f"r_{finger}_{phalanx}_joint": {"r_pinky": 1 / 3}
+        for finger in ("ring", "little")
+        for phalanx in ("proximal", "middle", "distal")
+    },
+}
+
+
+def _shape(*degrees: float) -> tuple[float, ...]:
+    """Targets [rad] of the motors in the order of ``_FINGER_RANGES``."""
+    return tuple(float(angle) for angle in np.deg2rad(degrees))
+
+
+_ICUB_HAND = Hand(
+    motors=tuple(_FINGER_RANGES),
+    shapes={
+        # The thumb stands opposed before it comes near: swung round beside a glass, it would push it away.
+        "open": _shape(0, 75, 0, 0, 5, 20, 5, 20, 15),
+        # Proximal joints squeeze; the distal ones hold the finger's bow, or it would roll up on itself.
+        "grasp": _shape(0, 75, 0, 30, 14, 60, 18, 60, 100),
+        "closed": _shape(0, 75, 40, 80, 75, 60, 75, 60, 135),
+        # Fingers straight and the thumb along the index finger's side: a hand as thin as the palm.
+        "passing": _shape(0, 0, 75, 10, 0, 0, 0, 0, 0),
+    },
+    path=((1.0, "open"), (0.0, "grasp"), (-0.5, "closed")),
+    slim="passing",
+)
+
 _EYE = Camera(width=320, height=240, fx=257.34, fy=257.34, cx=160.0, cy=120.0)
 
 ICUB = Robot(
@@ -195,8 +251,9 @@ ICUB = Robot(
     couplings={
         "l_eye_pan": {"eyes_version": 1.0, "eyes_vergence": 0.5},
         "r_eye_pan": {"eyes_version": 1.0, "eyes_vergence": -0.5},
+        **_FINGER_COUPLINGS,
     },
-    ranges=_degrees(eyes_tilt=(-30, 30), eyes_version=(-30, 30), eyes_vergence=(0, 50)),
+    ranges=_degrees(eyes_tilt=(-30, 30), eyes_version=(-30, 30), eyes_vergence=(0, 50)) | _FINGER_RANGES,
     around_eyes=("head",),
     guarded={"r_elbow_1": 0.055, "r_wrist_1": 0.055},
     parked={
@@ -204,9 +261,11 @@ ICUB = Robot(
         "l_shoulder_roll": 0.35,
         "l_shoulder_yaw": 0.8,
         "l_wrist_prosup": 0.8,
-        "l_thumb_opposition_joint": 1.2,
-        "r_thumb_opposition_joint": 0.8,
+        # Thumbs along the index fingers, out of the way of what the palms face.
+        **{f"{side}_thumb_proximal_joint": 1.3 for side in "lr"},
+        **{f"{side}_thumb_{phalanx}_joint": 0.09 for side in "lr" for phalanx in ("middle", "distal")},
     },
+    hand=_ICUB_HAND,
     aside=(-0.10, 0.34, 0.06),
     rest=dict.fromkeys(("torso_pitch", "torso_roll", "torso_yaw", "neck_roll", "neck_yaw"), 0.0),
 )

@@ -25,7 +25,7 @@ from .hand import add_hand, palm_frame, write_phalanges
 
 MODEL = "iCubGazeboV2_5"
 FACES = 220  # per mesh: rendering time grows with it, the silhouette hardly changes above
-PALM_ENDS_X, PALM_ENDS_Y = 0.032, -0.036  # where fingers and thumb of the mitten begin, palm frame [m]
+PALM_ENDS_X, PALM_ENDS_Y = 0.020, -0.036  # where fingers and thumb of the mitten begin, palm frame [m]
 
 # Eyes of the iCub's gaze chain: origin in the head, then each eye's pan on the tilting bar.
 _TILT = ("0 0.104897 0.045591", "-2.356187 1.570796 0.785406")
