@@ -17,8 +17,8 @@ from .._arrays import Floats, fixed, integer, positive, rigid
 from ..errors import StateError, UnreachableError
 from .cds import CoupledDynamics
 from .gaze import fixate
+from .motion import Motion
 from .movement import Goal, State
-from .obstacle import Motion
 from .pose import PoseSolver
 
 JOINT_SPEED = 2.0
@@ -26,6 +26,7 @@ JOINT_SPEED = 2.0
 ADRIFT = 0.005
 """When the arm stays so far [m] behind the plan, because of limits or of what it keeps off, the plan goes on
 from where the arm is."""
+THINNING = 0.6  # time in which the hand becomes slim, or itself again [s]
 REHEARSED = 12  # poses of a movement that the arm is tried in
 AWRY = 0.015  # so far off [m] the arm may be on the way
 LEAP = 1.2  # between two of them no joint turns farther [rad]
@@ -41,6 +42,7 @@ class Controller:
     Attributes:
         state: where eyes, palm and hand are commanded to be.
         angles: of torso and arm (n,) [rad], as commanded.
+        slim: how far the hand is in its slim shape, 0 to 1.
         gaze: of torso, neck and eyes (len(robot.gaze),) [rad], as commanded.
     """
 
@@ -49,6 +51,7 @@ class Controller:
         self.robot = arm.robot
         self.state: State | None = None
         self.angles: Floats = arm.rest
+        self.slim = 0.0
         self.gaze: Floats = self.robot.resting(self.robot.gaze)
 
     def begin(
@@ -89,11 +92,13 @@ class Controller:
         for _ in range(steps):
             motion = motion.advance(self._state())
             for _ in range(parts):
-                self.state = self.dynamics.step(self._state(), motion.goals[0], period / parts)
+                self.state = self.dynamics.step(self._state(), motion.legs[0].goal, period / parts)
             self._follow(period, hold)
             commands.append(dict(zip(self.arm.names, map(float, self.angles), strict=True)))
             if self.robot.hand is not None:
-                commands[-1] |= self.robot.hand.targets(self._state().opening)
+                change = period / THINNING
+                self.slim += float(np.clip(motion.legs[0].slim - self.slim, -change, change))
+                commands[-1] |= self.robot.hand.targets(self._state().opening, slim=self.slim)
         self._turn_eyes(commands)
         return motion, commands
 

@@ -65,7 +65,9 @@ class SideGrasp:
         fingers = np.cross(down, facing)
         pose = np.eye(4)
         pose[:3, :3] = np.column_stack([fingers, down, facing])
-        pose[:3, 3] = place - (radius + self.along) * fingers - (radius + self.gap) * facing - self.above * down
+        pose[:3, 3] = (
+            place - (radius + self.along) * fingers - (radius + self.gap) * facing - self.above * down
+        )
         return pose
 
     def pregrasp(self, pose: npt.ArrayLike, share: float = 1.0) -> Floats:

@@ -9,8 +9,9 @@ import numpy as np
 from .._arrays import Floats
 from ..control.cds import CoupledDynamics
 from ..control.clearance import Obstacle
+from ..control.motion import Leg, simulate
 from ..control.movement import Goal, State
-from ..control.obstacle import ALLOWANCE, plan_motion, simulate
+from ..control.obstacle import ALLOWANCE, plan_motion
 from ..cylinder import Cylinder
 from ..errors import UnreachableError
 from ..kinematics import transform
@@ -49,14 +50,14 @@ def evaluate_obstacle(
     for _ in progress.over(range(scenes), "planning"):
         state, goal, obstacle, direct = _draw(dynamics, generator)
         try:
-            motion = plan_motion(dynamics, state, goal, [obstacle])
+            motion = plan_motion(dynamics, state, [Leg(goal)], [obstacle])
         except UnreachableError:
             refused += 1
             continue
         least = min(least, motion.clearance - ALLOWANCE)
         clear += motion.simulated.arrived and motion.clearance >= ALLOWANCE
         detours.append(_length(motion.simulated.path) / direct)
-        sides[_side(motion.goals[0], obstacle)] += 1
+        sides[_side(motion.legs[0].goal, obstacle)] += 1
     return {
         "seed": seed,
         "scenes": scenes,
@@ -74,7 +75,7 @@ def _draw(dynamics: CoupledDynamics, generator: np.random.Generator) -> tuple[St
         goal, state = _goal(generator), None
         while state is None:
             state = _start(goal, generator)
-        direct = simulate(dynamics, state, (goal,))
+        direct = simulate(dynamics, state, [Leg(goal)]).simulated
         if not direct.arrived:
             continue
         places = direct.path

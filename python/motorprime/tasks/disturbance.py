@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .._arrays import Floats
-from ..errors import ArgumentError, StateError
+from ..errors import StateError
 from ..sim.scene import REGION, Glass, Scene
 from .cycle import Cycle
 

@@ -19,14 +19,15 @@ from ..control.clearance import Obstacle
 from ..control.controller import Controller, hold_between
 from ..control.gaze import fixate
 from ..control.grasping import Grasp, choose_grasp
-from ..control.hand import grasp_pose
+from ..control.motion import Leg, Motion, simulate
 from ..control.movement import Goal
-from ..control.obstacle import Motion, plan_motion, simulate
+from ..control.obstacle import plan_motion
 from ..control.path import minimum_jerk
 from ..control.pose import PoseSolver
 from ..control.reaching import Bench
+from ..control.side_grasp import SIDE_GRASP
 from ..cylinder import Located
-from ..errors import UnreachableError
+from ..errors import ArgumentError, UnreachableError
 from ..motorplan import default_width
 from .belief import Belief
 from .body import Body
@@ -36,6 +37,7 @@ from .seeker import BEYOND, PERIOD, PLAN_POINTS, Seeker, Sought
 from .timing import Clock
 
 SURVEYS = 4  # cycles that the way is looked at before the arm moves
+BEFORE, BEFORE_TURNED = 0.008, float(np.deg2rad(6.0))  # of the palm from the pre-grasp [m], [rad]
 ARRIVED = 0.004  # of the palm from the grasp [m]
 TURNED = float(np.deg2rad(3.0))
 PATIENCE = 15.0  # a movement that takes longer has failed [s]
@@ -44,8 +46,9 @@ SHIFTED = 0.015  # an obstacle that is so far [m] from where it was asks for a n
 STARTLED = 1.0  # so long [s] after a jump or a loss attention is wider,
 WIDER = 2.0  # this many times
 LOST = 8  # cycles without the target until it is searched again
+OPENING = 0.5  # time in which the hand opens [s]
 CLOSING = 1.0  # time in which the hand closes [s]
-LIFT, LIFTING, HOLDING = 0.06, 1.5, 1.2  # height [m], the time for it and to hold it [s]
+LIFTING, HOLDING = 1.5, 1.2  # time to lift and to hold [s]
 
 
 class Pick(Seeker):
@@ -85,12 +88,14 @@ class Pick(Seeker):
         super().__init__(
             body, target, attention, bench, obstacles=obstacles, settings=settings, seed=seed, clock=clock
         )
-        self.bench = bench
+        if body.robot.hand is None:
+            raise ArgumentError(f"body: a robot with a hand expected, '{body.robot.name}' has none")
+        self.bench, self.hand = bench, body.robot.hand
         self.controller = Controller(dynamics, PoseSolver(body.robot, bench))
         self.grasp: Grasp | None = None
         self.motion: Motion | None = None
         self._chosen_for = self._first = np.zeros(0)
-        self._whole = 0.0
+        self._whole, self._opening = 0.0, self.hand.widest
         self._avoided: list[Obstacle] = []
         self._wide_until, self._unseen, self._stale = -np.inf, 0, False
 
@@ -108,12 +113,16 @@ class Pick(Seeker):
             yield from self._lift()
 
     def _choose(self) -> None:
-        """Choose how to grasp the target where it is now believed to be, among what is known to stand about."""
+        """Choose how to grasp the target where it is believed to be, among what is known to stand about."""
         assert self.estimate is not None
         centre, radius = self.estimate.copy(), self.target.shape.radius
         self._avoid()
         self.grasp = choose_grasp(
-            self.controller.arm, lambda azimuth: grasp_pose(centre, azimuth, radius), start=self._angles()
+            self.controller.arm,
+            lambda azimuth: SIDE_GRASP.pose(centre, azimuth, radius),
+            distance=SIDE_GRASP.retreat,
+            azimuths=SIDE_GRASP.azimuths,
+            start=self._angles(),
         )
         self._chosen_for = centre
 
@@ -122,34 +131,37 @@ class Pick(Seeker):
         self._avoided = [Obstacle(shape, place) for place, shape in self.known_obstacles]
         self.controller.arm = self.controller.arm.over(self.bench, self._avoided)
 
-    def _goal(self) -> Goal:
-        """The grasp, moved with the target by what little it has moved since the grasp was chosen."""
+    def _legs(self) -> tuple[Leg, Leg]:
+        """To pre-grasp and grasp, moved with the target by what little it has since the grasp was chosen."""
         assert self.grasp is not None and self.estimate is not None
-        palm = self.grasp.palm.copy()
-        palm[:3, 3] += self.estimate - self._chosen_for
-        return Goal(self.estimate, palm)
+        before, palm = self.grasp.palm_before.copy(), self.grasp.palm.copy()
+        for pose in (before, palm):
+            pose[:3, 3] += self.estimate - self._chosen_for
+        return (
+            Leg(Goal(self.estimate, before, 1.0, 0.0), BEFORE, BEFORE_TURNED),
+            Leg(Goal(self.estimate, palm)),
+        )
 
     def _begin(self, fixation: Floats) -> None:
-        hand = self.body.robot.hand
-        opening = 1.0 if hand is None else hand.opening(self.body.read(hand.motors))
-        self.controller.begin(self._angles(), self.body.read(self.body.robot.gaze), fixation, opening)
+        self.controller.begin(self._angles(), self.body.read(self.body.robot.gaze), fixation, self._opening)
         self._first = self.controller.angles
 
     def _survey(self) -> Iterator[Cycle]:
         """Look along the way that the hand would take: what is on it?"""
         assert self.estimate is not None
-        goal = self._goal()
+        legs = self._legs()
         middle = (self._palm() + self.estimate) / 2.0
         try:
             self._turn_gaze(fixate(self.body.robot, self.body.read(self.body.robot.gaze), middle))
         except UnreachableError:
             middle = self.estimate
+        self.body.move(self.hand.targets(self._opening), OPENING)
         self._begin(middle)
         state = self.controller.state
         assert state is not None
-        way = simulate(self.controller.dynamics, state, (goal,)).path
+        way = simulate(self.controller.dynamics, state, legs).simulated.path
         for _ in range(SURVEYS):
-            yield self._look_along("survey", self._to_target(_spread(way)), goal.palm[:3, 3])
+            yield self._look_along("survey", self._to_target(_spread(way)), legs[-1].goal.palm[:3, 3])
         if self.known_obstacles:
             self._choose()
 
@@ -157,15 +169,16 @@ class Pick(Seeker):
         """Plan from where the controller is."""
         assert self.grasp is not None and self.controller.state is not None
         self._avoid()
-        goal = self._goal()
-        self._whole = float(np.linalg.norm(self.controller.state.palm[:3, 3] - goal.palm[:3, 3]))
+        legs = self._legs()
+        self._whole = float(np.linalg.norm(self.controller.state.palm[:3, 3] - legs[-1].goal.palm[:3, 3]))
         self._first = self.controller.angles
         last = self.grasp.grasp.angles
         self.motion = plan_motion(
             self.controller.dynamics,
             self.controller.state,
-            goal,
+            legs,
             self._avoided,
+            target=Obstacle(self.target.shape, self._chosen_for),
             feasible=lambda motion: self.controller.rehearse(motion, hold=last),
         )
         self._stale = False
@@ -174,11 +187,9 @@ class Pick(Seeker):
         start = self.body.time
         while True:
             assert self.motion is not None and self.controller.state is not None
-            goal = self.motion.goals[-1]
-            way = simulate(self.controller.dynamics, self.controller.state, self.motion.goals).path
-            yield self._look_along(
-                "reach", self._to_target(_spread(way)), goal.palm[:3, 3], width=self._width()
-            )
+            ahead = simulate(self.controller.dynamics, self.controller.state, self.motion.legs).simulated
+            points, end = self._to_target(_spread(ahead.path)), self.motion.goal.palm[:3, 3]
+            yield self._look_along("reach", points, end, width=self._width())
             if self._unseen >= LOST:
                 yield from self._search_again()
                 if self.outcome != "running":
@@ -213,7 +224,7 @@ class Pick(Seeker):
             self._choose()
             self._plan()
             return
-        self.motion = self.motion.towards(self._goal())
+        self.motion = self.motion.shifted([leg.goal for leg in self._legs()])
         known = self.known_obstacles
         moved = len(known) != len(self._avoided) or any(
             np.linalg.norm(place - avoided.centre) > SHIFTED
@@ -250,20 +261,20 @@ class Pick(Seeker):
     def _left(self) -> float:
         """Distance [m] of the commanded palm from the grasp."""
         assert self.motion is not None and self.controller.state is not None
-        return float(np.linalg.norm(self.controller.state.palm[:3, 3] - self.motion.goals[-1].palm[:3, 3]))
+        return float(np.linalg.norm(self.controller.state.palm[:3, 3] - self.motion.goal.palm[:3, 3]))
 
     def _there(self) -> bool:
         assert self.motion is not None and self.controller.state is not None
-        if len(self.motion.goals) > 1 or self._left() > ARRIVED:
+        if len(self.motion.legs) > 1 or self._left() > ARRIVED:
             return False
-        turned = self.controller.state.palm[:3, :3].T @ self.motion.goals[-1].palm[:3, :3]
+        turned = self.controller.state.palm[:3, :3].T @ self.motion.goal.palm[:3, :3]
         return bool(np.trace(turned) > 1.0 + 2.0 * np.cos(TURNED))
 
     def _advance(self, seconds: float) -> None:
         """Command the next moments: eyes, arm and hand, each by its dynamics."""
         assert self.motion is not None and self.controller.state is not None and self.grasp is not None
         hold = hold_between(
-            self._first, self.grasp.grasp.angles, self.motion.goals[-1], self.controller.state, self._whole
+            self._first, self.grasp.grasp.angles, self.motion.goal, self.controller.state, self._whole
         )
         self.motion, commands = self.controller.advance(self.motion, seconds, hold=hold)
         self._carry_out(commands, seconds)
@@ -274,13 +285,9 @@ class Pick(Seeker):
 
     def _close(self) -> Iterator[Cycle]:
         """Close the hand around the target until the fingers press."""
-        assert self.motion is not None and self.body.robot.hand is not None
-        hand = self.body.robot.hand
-        self.motion = Motion(
-            (replace(self.motion.goals[-1], opening=hand.squeeze, amplitude=0.0),),
-            self.motion.simulated,
-            np.inf,
-        )
+        assert self.motion is not None
+        tight = replace(self.motion.goal, opening=self.hand.tightest, amplitude=0.0)
+        self.motion = replace(self.motion, legs=(Leg(tight),), begins=(0,))
         end = self.body.time + CLOSING
         while self.body.time < end:
             yield self._look_still("grasp")
@@ -289,12 +296,11 @@ class Pick(Seeker):
     def _lift(self) -> Iterator[Cycle]:
         """Lift straight up, and hold."""
         assert self.motion is not None
-        start, bottom = self.body.time, self.motion.goals[-1].palm
+        start, bottom = self.body.time, self.motion.goal.palm
         while self.body.time - start < LIFTING + HOLDING:
             yield self._look_still("lift")
-            palm = bottom.copy()
-            palm[2, 3] += LIFT * float(minimum_jerk((self.body.time - start + PERIOD) / LIFTING))
-            self._carry_out(self.controller.track(palm, PERIOD), PERIOD)
+            share = float(minimum_jerk((self.body.time - start + PERIOD) / LIFTING))
+            self._carry_out(self.controller.track(SIDE_GRASP.lifted(bottom, share), PERIOD), PERIOD)
         self._end("lifted")
 
     def _look_still(self, phase: str) -> Cycle:
@@ -302,9 +308,10 @@ class Pick(Seeker):
         assert self.motion is not None and self.estimate is not None
         palm = self._palm()
         points = np.linspace(palm, self.estimate, PLAN_POINTS)
-        return self._look_along(phase, points, self.motion.goals[-1].palm[:3, 3])
+        return self._look_along(phase, points, self.motion.goal.palm[:3, 3])
 
 
 def _spread(path: Floats) -> Floats:
     """So many places (N, 3) of a path, evenly in time."""
-    return path[np.linspace(0, len(path) - 1, PLAN_POINTS - BEYOND).round().astype(int)]
+    places: Floats = path[np.linspace(0, len(path) - 1, PLAN_POINTS - BEYOND).round().astype(int)]
+    return places

@@ -12,6 +12,7 @@ import numpy as np
 from ..control.cds import CoupledDynamics
 from ..errors import StateError
 from ..robot import Robot
+from ..sim.glass import draw_tumbler
 from ..sim.scene import CANISTER, TABLE_HEIGHT, Glass
 from ..sim.world import STEP
 from .cycle import Cycle, Settings
@@ -131,7 +132,8 @@ class PickTrial(Staged):
         )
 
     def _draw_glass(self) -> Glass:
-        return draw_glass(self.generator)
+        drawn = draw_tumbler(self.generator)
+        return Glass(drawn.radius, drawn.height, mass=drawn.mass)
 
     def _strike(self) -> None:
         if not self._obstacle:
@@ -147,7 +149,8 @@ class PickTrial(Staged):
             except StateError:
                 continue
             self.stage.scene.stand_obstacle(CANISTER, spot)
-            if self.stage.world.clear_of([self.stage.scene.obstacle], 0.02):
+            standing = self.stage.scene.obstacle
+            if standing is not None and self.stage.world.clear_of([standing], 0.02):
                 return
             self.stage.scene.remove_obstacle()
         raise StateError(f"obstacle: after {STARTS} starts there is no room for one between hand and glass")
