@@ -181,7 +181,9 @@ _FINGER_COUPLINGS: dict[str, dict[str, float]] = {
     "r_ring_adduction_joint": {"r_hand_finger": 1 / 3},
     "r_little_adduction_joint": {"r_hand_finger": 1 / 3},
     "r_thumb_opposition_joint": {"r_thumb_oppose": 1.0},
-    **{f"r_{finger}_proximal_joint": {f"r_{finger}_proximal": 1.0} for finger in ("thumb", "index", "middle")},
+    **{
+        f"r_{finger}_proximal_joint": {f"r_{finger}_proximal": 1.0} for finger in ("thumb", "index", "middle")
+    },
     **{
         f"r_{finger}_{phalanx}_joint": {f"r_{finger}_distal": 0.5}
         for finger in ("thumb", "index", "middle")

@@ -35,7 +35,9 @@ def versions() -> dict[str, str]:
 def robot_fingerprint(robot: Robot) -> str:
     """SHA-256 of a robot: its URDF's bytes, its cameras, and every other field but the hand, which rests."""
     described: dict[str, Any] = {
-        item.name: getattr(robot, item.name) for item in fields(robot) if item.name not in ("urdf", "palm", "hand")
+        item.name: getattr(robot, item.name)
+        for item in fields(robot)
+        if item.name not in ("urdf", "palm", "hand")
     }
     described["cameras"] = {
         name: {"link": mount.link, **asdict(mount.camera)} for name, mount in robot.cameras.items()
