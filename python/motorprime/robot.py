@@ -209,7 +209,7 @@ _ICUB_HAND = Hand(
         "open": _shape(0, 75, 0, 0, 5, 20, 5, 20, 15),
         # Proximal joints squeeze; the distal ones hold the finger's bow, or it would roll up on itself.
         "grasp": _shape(0, 75, 0, 30, 14, 60, 18, 60, 100),
-        "closed": _shape(0, 75, 40, 80, 75, 60, 75, 60, 135),
+        "closed": _shape(0, 75, 15, 60, 45, 60, 45, 60, 120),
         # Fingers straight and the thumb along the index finger's side: a hand as thin as the palm.
         "passing": _shape(0, 0, 75, 10, 0, 0, 0, 0, 0),
     },

@@ -24,9 +24,9 @@ SPACING = 0.035
 """Largest distance [m] between two balls of a limb."""
 HAND_BAR = np.array([[-0.03, 0.0, -0.01], [0.10, 0.0, -0.01]])
 HAND_RADIUS = 0.035
-THUMB_BAR = np.array([[-0.01, -0.05, 0.0], [-0.01, -0.09, 0.045]])
-THUMB_RADIUS = 0.012
-"""Back of the palm to the fingertips, and the thumb, in the palm's frame [m]; their radii [m]."""
+THUMB_BAR = np.array([[-0.024, -0.008, 0.015], [-0.020, -0.006, 0.084]])
+THUMB_RADIUS = 0.0075
+"""Back of the palm to the fingertips, and the opposed thumb, in the palm's frame [m]; their radii [m]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,6 +40,8 @@ class Controller:
         arm: inverse kinematics, with the work surface and whatever else the arm keeps off.
 
     Attributes:
+        careful: inverse kinematics for all legs of a motion but the last, on which the target, too, must not
+            be touched; ``arm`` at first.
         state: where eyes, palm and hand are commanded to be.
         angles: of torso and arm (n,) [rad], as commanded.
         slim: how far the hand is in its slim shape, 0 to 1.
@@ -47,7 +49,7 @@ class Controller:
     """
 
     def __init__(self, dynamics: CoupledDynamics, arm: PoseSolver) -> None:
-        self.dynamics, self.arm = dynamics, arm
+        self.dynamics, self.arm, self.careful = dynamics, arm, arm
         self.robot = arm.robot
         self.state: State | None = None
         self.angles: Floats = arm.rest
@@ -93,7 +95,7 @@ class Controller:
             motion = motion.advance(self._state())
             for _ in range(parts):
                 self.state = self.dynamics.step(self._state(), motion.legs[0].goal, period / parts)
-            self._follow(period, hold)
+            self._follow(self.arm if len(motion.legs) == 1 else self.careful, period, hold)
             commands.append(dict(zip(self.arm.names, map(float, self.angles), strict=True)))
             if self.robot.hand is not None:
                 change = period / THINNING
@@ -116,7 +118,7 @@ class Controller:
             between = goal.copy()
             between[:3, 3] = begun[:3, 3] + k / steps * (goal[:3, 3] - begun[:3, 3])
             self.state = replace(self._state(), palm=between)
-            self._follow(period, None)
+            self._follow(self.arm, period, None)
             commands.append(dict(zip(self.arm.names, map(float, self.angles), strict=True)))
         self._turn_eyes(commands)
         return commands
@@ -126,7 +128,8 @@ class Controller:
         palms = motion.simulated.palms
         angles = self.angles
         for k in np.unique(np.linspace(0, len(palms) - 1, REHEARSED).round().astype(int)):
-            found = self.arm.nearest(palms[k], angles, hold=hold, restarts=0)
+            arm = self.careful if k < motion.begins[-1] else self.arm
+            found = arm.nearest(palms[k], angles, hold=hold, restarts=0)
             leap = float(np.abs(found.angles - angles).max())
             if found.position_error > AWRY or found.depth > AWRY or leap > LEAP:
                 return False
@@ -138,9 +141,9 @@ class Controller:
             raise StateError("controller: call begin() with the robot's posture first")
         return self.state
 
-    def _follow(self, period: float, hold: npt.ArrayLike | None) -> None:
+    def _follow(self, arm: PoseSolver, period: float, hold: npt.ArrayLike | None) -> None:
         state = self._state()
-        found = self.arm.follow(state.palm, self.angles, step=JOINT_SPEED * period, hold=hold)
+        found = arm.follow(state.palm, self.angles, step=JOINT_SPEED * period, hold=hold)
         self.angles = found.angles
         if found.position_error > ADRIFT:
             self.state = replace(state, palm=self.arm.palm(self.angles))

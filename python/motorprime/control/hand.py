@@ -1,8 +1,9 @@
 """The hand's synergy: one number, its opening, for all its motors.
 
-Most of what a grasping hand does lies along one line: from wide open through the places where the fingers meet
-the object to a fist. The opening runs along it: 1 is open, 0 has the fingers at their places round an object of
-middle size, below 0 the motors' targets lie behind the object's surface and squeeze, by their torque limits.
+Most of what a grasping hand does lies along one line: from wide open through the places where the fingers
+meet the object to a fist. The opening runs along it: 1 is open, 0 has the fingers at their places round an
+object of middle size, below 0 the motors' targets lie behind the object's surface and squeeze, by their
+torque limits.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Where the palm must be to grasp an upright glass from the side, and how the hand gets there and away.
 
 The palm stands on edge, its fingers level and its thumb up; the glass stands between thumb and fingers. With
-the glass's axis at azimuth a of the palm's facing (0 to the left, 90 degrees straight ahead), in the robot's root
-frame (x backwards, y right, z up)::
+the azimuth a of the palm's facing (0 to the left, 90 degrees straight ahead), in the robot's root frame
+(x backwards, y right, z up)::
 
     palm z = (-sin a, -cos a, 0)   towards the glass
     palm y = (0, 0, -1)            from index to little finger: down
@@ -65,9 +65,8 @@ class SideGrasp:
         fingers = np.cross(down, facing)
         pose = np.eye(4)
         pose[:3, :3] = np.column_stack([fingers, down, facing])
-        pose[:3, 3] = (
-            place - (radius + self.along) * fingers - (radius + self.gap) * facing - self.above * down
-        )
+        pose[:3, 3] = place - self.above * down
+        pose[:3, 3] -= (radius + self.along) * fingers + (radius + self.gap) * facing
         return pose
 
     def pregrasp(self, pose: npt.ArrayLike, share: float = 1.0) -> Floats:
@@ -84,4 +83,4 @@ class SideGrasp:
 
 
 SIDE_GRASP = SideGrasp()
-"""The iCub's: in the middle of what lifted glasses of every size and weight with the palm 4 mm and 2 degrees off."""
+"""The iCub's: amid the values that lift glasses of every size and weight with the palm 4 mm and 2 deg off."""

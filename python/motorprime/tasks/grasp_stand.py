@@ -1,7 +1,7 @@
 """A test stand for grasps: a table, a glass and the arm, no cameras. How often is the glass lifted?
 
-One trial draws a glass, its place, and how far off the palm comes: what eyes and arm do to a grasp. The hand comes
-in from the pre-grasp, closes, lifts and holds; nothing but friction carries the glass.
+One trial draws a glass, its place, and how far off the palm comes: what eyes and arm do to a grasp. The hand
+comes in from the pre-grasp, closes, lifts and holds; nothing but friction carries the glass.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ..sim.world import STEP, World
 OFF, TURNED = (
     0.004,
     float(np.deg2rad(2.0)),
-)  # largest errors of the palm: along each axis [m], and turned [rad]
+)  # largest errors of the palm [m] along each axis, [rad]
 LIFTED = 0.05  # of the glass's lowest point over the table [m]
 APPROACH, CLOSE, SETTLE, LIFT, HOLD = 1.5, 0.8, 0.2, 1.2, 1.0  # [s]
 WAYPOINTS = 8

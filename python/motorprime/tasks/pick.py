@@ -37,6 +37,7 @@ from .seeker import BEYOND, PERIOD, PLAN_POINTS, Seeker, Sought
 from .timing import Clock
 
 SURVEYS = 4  # cycles that the way is looked at before the arm moves
+BACK = 0.10  # from the grasp to the pre-grasp [m]: there the thumb is not beside the target yet
 BEFORE, BEFORE_TURNED = 0.008, float(np.deg2rad(6.0))  # of the palm from the pre-grasp [m], [rad]
 ARRIVED = 0.004  # of the palm from the grasp [m]
 TURNED = float(np.deg2rad(3.0))
@@ -120,16 +121,20 @@ class Pick(Seeker):
         self.grasp = choose_grasp(
             self.controller.arm,
             lambda azimuth: SIDE_GRASP.pose(centre, azimuth, radius),
-            distance=SIDE_GRASP.retreat,
+            distance=BACK,
             azimuths=SIDE_GRASP.azimuths,
             start=self._angles(),
         )
         self._chosen_for = centre
 
     def _avoid(self) -> None:
-        """Let the arm keep off what is known to stand about."""
+        """Let the arm keep off what is known to stand about, and off the target until the last leg."""
+        assert self.estimate is not None
         self._avoided = [Obstacle(shape, place) for place, shape in self.known_obstacles]
-        self.controller.arm = self.controller.arm.over(self.bench, self._avoided)
+        self._target = Obstacle(self.target.shape, self.estimate)
+        arm = self.controller.arm
+        self.controller.arm = arm.over(self.bench, self._avoided)
+        self.controller.careful = arm.over(self.bench, [*self._avoided, self._target])
 
     def _legs(self) -> tuple[Leg, Leg]:
         """To pre-grasp and grasp, moved with the target by what little it has since the grasp was chosen."""
@@ -178,7 +183,7 @@ class Pick(Seeker):
             self.controller.state,
             legs,
             self._avoided,
-            target=Obstacle(self.target.shape, self._chosen_for),
+            target=self._target,
             feasible=lambda motion: self.controller.rehearse(motion, hold=last),
         )
         self._stale = False
