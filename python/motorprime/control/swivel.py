@@ -7,13 +7,14 @@ across n::
 
 An elbow that hangs straight down has 0; a right one that is lifted outwards has a negative swivel.
 The swivel is learned as a linear function of (W - S) / reach, reach being the length of the stretched arm, in
-axes that point forward, to the left and up; so it carries over to arms of another size.
+axes that point forward, to the left and up; so it carries over to arms of another size. Beyond the wrists
+that were shown it is that of the nearest one of their range.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,7 @@ class Swivel:
             forward, left, up.
         constant: swivel [rad] there.
         slope: (3,) [rad] per length of the arm.
+        shown: (2, 3) least and largest of those wrists; the swivel goes on with no slope beyond.
         error: root mean square [rad] on reaches that were left out; NaN where there was only one.
         spread: the same of a constant swivel, without any slope.
 
@@ -54,6 +56,7 @@ class Swivel:
     middle: Floats
     constant: float
     slope: Floats
+    shown: Floats
     error: float = np.nan
     spread: float = np.nan
 
@@ -61,15 +64,28 @@ class Swivel:
         for name in ("middle", "slope"):
             object.__setattr__(self, name, fixed(name, getattr(self, name), (3,)))
         fixed("constant", self.constant, ())
+        object.__setattr__(self, "shown", fixed("shown", self.shown, (2, 3)))
+        if (self.shown[0] > self.shown[1]).any():
+            raise ArgumentError(f"shown: expected the least and then the largest, got {self.shown.tolist()}")
 
     def at(self, wrists: npt.ArrayLike) -> Floats:
         """Swivels (N,) [rad] of wrists (N, 3), from the shoulder in lengths of the arm: forward, left, up."""
-        values: Floats = self.constant + (rows("wrists", wrists, 3) - self.middle) @ self.slope
+        within = np.clip(rows("wrists", wrists, 3), self.shown[0], self.shown[1])
+        values: Floats = self.constant + (within - self.middle) @ self.slope
         return values
+
+    def slope_at(self, wrist: Floats) -> Floats:
+        """Derivative (3,) of :meth:`at` by one wrist (3,): 0 along each axis on which it is out of range."""
+        return np.where((wrist >= self.shown[0]) & (wrist <= self.shown[1]), self.slope, 0.0)
 
     def save(self, path: str | Path) -> None:
         """Write it to a model file."""
-        arrays = {"middle": self.middle, "slope": self.slope, "constant": np.array([self.constant])}
+        arrays = {
+            "middle": self.middle,
+            "slope": self.slope,
+            "shown": self.shown,
+            "constant": np.array([self.constant]),
+        }
         errors = {name: _or_none(getattr(self, name)) for name in ("error", "spread")}
         write_model(path, KIND, arrays, errors)
 
@@ -86,15 +102,14 @@ class Swivel:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Floats], about: Mapping[str, Any]) -> Swivel:
         """What a model file holds."""
-        missing = {"middle", "slope", "constant"} - set(arrays)
+        missing = {"middle", "slope", "shown", "constant"} - set(arrays)
         if missing:
             raise ArgumentError(f"arrays: an elbow's swivel needs {sorted(missing)[0]}")
         errors = {
             name: np.nan if about.get(name) is None else float(about[name]) for name in ("error", "spread")
         }
-        return cls(
-            arrays["middle"], float(fixed("constant", arrays["constant"], (1,))[0]), arrays["slope"], **errors
-        )
+        constant = float(fixed("constant", arrays["constant"], (1,))[0])
+        return cls(arrays["middle"], constant, arrays["slope"], arrays["shown"], **errors)
 
 
 def swivels(shoulders: npt.ArrayLike, elbows: npt.ArrayLike, wrists: npt.ArrayLike) -> tuple[Floats, Floats]:
@@ -161,7 +176,7 @@ def learn_swivel(
         missed["error"].append(angles[k] - _fit(x, y, ridge).at(places[k]))
         missed["spread"].append(angles[k] - y.mean())
     whole = _fit(np.concatenate(places), np.concatenate(angles), ridge)
-    return Swivel(whole.middle, whole.constant, whole.slope, **{k: _rms(v) for k, v in missed.items()})
+    return replace(whole, error=_rms(missed["error"]), spread=_rms(missed["spread"]))
 
 
 class SwivelPreference:
@@ -232,10 +247,11 @@ class SwivelPreference:
             return 0.0, False, np.zeros((3, 3))
         turn_v, turn_u = np.cross(n, v) / off**2, np.cross(n, u) / level**2
         swivel = float(np.arctan2(n @ np.cross(u, v), u @ v))
-        wanted = float(self.swivel.at([self._axes @ line / self._reach])[0])
+        wrist_place = self._axes @ line / self._reach
+        wanted = float(self.swivel.at(wrist_place[None])[0])
         error = float((swivel - wanted + np.pi) % (2.0 * np.pi) - np.pi)
         by_n = -along * turn_v + down * turn_u
-        by_line = by_n / length - self._axes.T @ self.swivel.slope / self._reach
+        by_line = by_n / length - self._axes.T @ self.swivel.slope_at(wrist_place) / self._reach
         return error, True, np.array([-turn_v - by_line, turn_v, by_line])
 
 
@@ -246,7 +262,7 @@ def _fit(places: Floats, angles: Floats, ridge: float) -> Swivel:
     middle, constant = places.mean(axis=0), float(angles.mean())
     x = places - middle
     slope = np.linalg.solve(x.T @ x / len(x) + ridge * np.eye(3), x.T @ (angles - constant) / len(x))
-    return Swivel(middle, constant, slope)
+    return Swivel(middle, constant, slope, np.array([places.min(axis=0), places.max(axis=0)]))
 
 
 def _stretched(shoulders: Floats, elbows: Floats, wrists: Floats) -> float:
