@@ -245,3 +245,61 @@ def chi_square_bound(degrees: int, sigmas: float = 5.0) -> float:
     """Wilson-Hilferty: exceeded about as rarely as a normal variable exceeds `sigmas`."""
     spread = 2 / (9 * degrees)
     return degrees * (1 - spread + sigmas * math.sqrt(spread)) ** 3
+
+
+def _weights(mixture: Any, x: Floats) -> Floats:
+    """Shares of the Gaussians of (weights, means, covariances) at one point, by logarithms."""
+    logs = []
+    for weight, mean, covariance in zip(*mixture, strict=True):
+        off = x - mean
+        square = off @ np.linalg.solve(covariance, off)
+        logs.append(math.log(weight) - 0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * square)
+    shares = np.exp(np.array(logs) - max(logs))
+    return shares / shares.sum()
+
+
+def _velocity(system: Any, x: Floats) -> Floats:
+    """sum_k g_k(x) A_k x of (weights, means, covariances, matrices)."""
+    *mixture, matrices = system
+    shares = _weights(mixture, x[: mixture[1].shape[1]])
+    return sum(share * matrix @ x for share, matrix in zip(shares, matrices, strict=True))
+
+
+def _expected(coupling: Any, psi: float) -> float:
+    """Conditional mean of the second coordinate given the first, and its way to 0."""
+    weights, means, covariances, near = coupling
+    shares = _weights((weights, means[:, :1], covariances[:, :1, :1]), np.array([psi]))
+    lines = [m[1] + c[1, 0] / c[0, 0] * (psi - m[0]) for m, c in zip(means, covariances, strict=True)]
+    return float(shares @ np.array(lines)) * min(1.0, psi / near)
+
+
+def coupled_roll_out(
+    eye: Any,
+    arm: Any,
+    hand: Any,
+    eye_arm: Any,
+    arm_hand: Any,
+    alpha: Any,
+    beta: Any,
+    close: float,
+    state: Any,
+    amplitude: float,
+    dt: float,
+    steps: int,
+) -> Floats:
+    """States (steps + 1, 10) of eye, arm and hand by Euler steps; all as the kernel takes it."""
+    states = [np.array(state, dtype=float)]
+    for _ in range(steps):
+        e, a, h = states[-1][:3], states[-1][3:9], states[-1][9:]
+        distance = float(np.linalg.norm(a[:3]))
+        rho = max(0.0, _expected(eye_arm, float(np.linalg.norm(e))))
+        gate = 1.0 - min(1.0, rho / max(distance, close))
+        asked = amplitude * min(1.0, max(0.0, _expected(arm_hand, distance)))
+        e = e + dt * alpha[0] * _velocity(eye, beta[0] * e)
+        a = a + dt * alpha[1] * _velocity(arm, beta[1] * gate * a)
+        h = h + dt * alpha[2] * _velocity(hand, beta[2] * (h - asked))
+        angle = float(np.linalg.norm(a[3:]))
+        if angle > math.pi:
+            a[3:] = a[3:] / angle * (angle - 2.0 * math.pi)
+        states.append(np.concatenate([e, a, h]))
+    return np.array(states)

@@ -1,12 +1,13 @@
 """Types of the compiled kernels; the documented functions are in ``motorprime.landscape``."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
 
 __all__ = [
+    "CoupledSystem",
     "Mlp",
     "attention_step",
     "empty_landscape",
@@ -97,6 +98,72 @@ def attention_step(
     threads: bool,
     /,
 ) -> list[float | bool | None]: ...
+
+_System = tuple[_Array, _Array, _Array, _Array]
+_Coupling = tuple[_Array, _Array, _Array, float]
+
+@final
+class CoupledSystem:
+    """Eye, arm and hand as coupled dynamical systems; see ``motorprime.control.cds``.
+
+    A state is relative to the goal: fixation point (3) [m], place (3) [m] and rotation vector (3) [rad] of
+    the palm, opening of the hand. Whether a system converges is for the caller to certify.
+    """
+
+    def __new__(
+        cls,
+        eye: _System,
+        arm: _System,
+        hand: _System,
+        eye_arm: _Coupling,
+        arm_hand: _Coupling,
+        alpha: _Numbers,
+        beta: _Numbers,
+        close: float,
+    ) -> CoupledSystem: ...
+    def roll_out(
+        self, state: _Numbers, amplitude: float, dt: float, steps: int, tolerance: _Numbers, /
+    ) -> tuple[npt.NDArray[np.float64], bool]:
+        """Return the states (N, 10) of one movement, and whether it arrived.
+
+        Args:
+            state: (10,) start, the first row of what is returned.
+            amplitude: of the hand's opening, >= 0.
+            dt: Euler step [s].
+            steps: how many at most, up to a million.
+            tolerance: (4,) of fixation [m], place [m], turn [rad] and opening. The movement ends where all
+                four are less than these.
+
+        Raises:
+            ArgumentError: a wrong shape, a number that is not finite, a system that grows beyond all numbers.
+            ArgumentTypeError: a wrong type or dtype.
+        """
+
+    def ends(
+        self,
+        states: _Rows,
+        amplitude: float,
+        dt: float,
+        steps: Iterable[int],
+        tolerance: _Numbers,
+        watch: _Numbers,
+        /,
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+        """Return how many movements end, computed side by side; the same on any number of threads.
+
+        Args:
+            states: (N, 10) starts.
+            amplitude, dt, tolerance: as for one movement.
+            steps: (N,) how many steps each may take.
+            watch: (2,) opening and distance [m]: a hand that is open less while the palm is farther has
+                closed early.
+
+        Returns:
+            Last states (N, 10), steps until each arrived (N,) or -1, and whether its hand closed early (N,).
+
+        Raises:
+            ArgumentError, ArgumentTypeError: as for one movement.
+        """
 
 @final
 class Mlp:

@@ -33,7 +33,7 @@ def write_model(path: str | Path, kind: str, arrays: Mapping[str, Floats], about
     from safetensors.numpy import save
 
     text = json.dumps({"format": FORMAT, "kind": kind, **about})
-    data = save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, {_KEY: text})
+    data = save({name: np.asarray(array, order="C") for name, array in arrays.items()}, {_KEY: text})
     path = Path(path)
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}-", delete=False) as aside:

@@ -1,4 +1,4 @@
-//! The kernels of motorprime: attentional landscapes, thresholds, samplers and small networks.
+//! The kernels of motorprime: attentional landscapes, thresholds, samplers, small networks and movements.
 //!
 //! Nothing here knows Python; [`python`](crate) is the only border and is compiled by the feature of the
 //! same name. Pixels have `u` to the right and `v` down with centres at integers, images are row-major.
@@ -6,12 +6,14 @@
 #![cfg_attr(not(feature = "python"), forbid(unsafe_code))]
 #![warn(missing_docs)]
 
+pub mod dynamics;
 pub mod error;
 pub mod gaussian;
 pub mod gibbs;
 pub mod kernel;
 pub mod masses;
 mod math;
+mod math64;
 pub mod mlp;
 pub mod parallel;
 #[cfg(feature = "python")]

@@ -8,10 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
-from . import ik
+from . import dynamics_learning, ik
 from .options import JsonFile, Seed, err, out
 
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
+dynamics_learning.register(evaluate)
 ik.register(evaluate)
 
 

@@ -1,6 +1,7 @@
 //! `motorprime._core`: the border to Python. It validates, detaches from the interpreter and converts.
 
 mod arrays;
+mod dynamics;
 mod errors;
 mod landscape;
 mod mlp;
@@ -30,6 +31,8 @@ fn empty_landscape<'py>(py: Python<'py>, shape: &Bound<'py, PyAny>) -> PyResult<
 /// Kernels of motorprime. The documented faces of these functions are in the package's own modules.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::dynamics::CoupledSystem;
     #[pymodule_export]
     use super::landscape::{gaussian_landscape, gaussian_landscapes, kernel_landscape, kernel_landscapes};
     #[pymodule_export]
