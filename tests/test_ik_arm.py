@@ -176,6 +176,18 @@ def test_over_a_bench_the_same_points_dip_as_when_reaching(icub):
 
 
 @pytest.mark.sim
+@pytest.mark.parametrize("distance", [0.0, 0.02])
+def test_the_depth_of_a_pole_at_the_fingertips_is_the_hand_s_radius_the_pole_s_and_the_distance(
+    icub, distance
+):
+    arm = Arm(icub)
+    posture = arm.at(np.zeros(len(arm.names)))
+    tip = posture.palm[:3, :3] @ HAND_BAR[1] + posture.palm[:3, 3]
+    clearance = Clearance(arm, None, [Obstacle(Cylinder(0.001, 0.2), tip, distance)])
+    assert clearance.worst(posture) == pytest.approx(HAND_RADIUS + 0.001 + distance)
+
+
+@pytest.mark.sim
 def test_the_balls_cover_upper_arm_forearm_and_hand(icub):
     """A thin pole beside the line between the joints comes too near, one far from it does not.
 

@@ -5,7 +5,7 @@ import pytest
 
 from motorprime.errors import ArgumentError, ArgumentTypeError
 from motorprime.kinematics import rotation_from_rpy
-from motorprime.rotations import rotation_matrices, rotation_vectors
+from motorprime.rotations import rotation_matrices, rotation_vector, rotation_vectors
 
 
 def test_a_positive_angle_turns_x_towards_y_about_z():
@@ -41,6 +41,15 @@ def test_a_vector_longer_than_a_half_turn_comes_back_the_short_way():
     np.testing.assert_allclose(
         rotation_vectors(rotation_matrices([0.0, 5.0, 0.0])), [0.0, 5.0 - 2.0 * np.pi, 0.0], atol=1e-12
     )
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-200, 1e-9, 0.1, 2.0, np.pi - 1e-3, np.pi - 1e-9])
+def test_one_vector_is_that_of_many(angle, rng):
+    for axis in (*rng.normal(size=(20, 3)), *np.eye(3), *-np.eye(3)):
+        turn = rotation_matrices(angle * axis / np.linalg.norm(axis))
+        np.testing.assert_allclose(
+            rotation_vector(turn), rotation_vectors(turn), rtol=1e-12, atol=1e-12 * angle
+        )
 
 
 def test_matrices_are_rotations_for_any_leading_shape(rng):

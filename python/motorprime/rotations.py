@@ -2,11 +2,31 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from ._arrays import Floats, finite, numbers
 from .errors import ArgumentError
+
+_NEXT = np.array([1, 2, 0])
+
+
+def _basis() -> Floats:
+    basis = np.zeros((10, 3, 3))
+    basis[0] = np.eye(3)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        basis[1 + k, j, i], basis[1 + k, i, j] = 1.0, -1.0
+        basis[4 + k, k, k] = 1.0
+        basis[7 + k, k, i] = basis[7 + k, i, k] = 1.0
+    basis.flags.writeable = False
+    return basis
+
+
+ROTATION_BASIS = _basis()
+"""(10, 3, 3): I; the three cross products; the squares xx, yy, zz; the mixed products xy, yz, zx."""
 
 
 def rotation_vectors(rotations: npt.ArrayLike) -> Floats:
@@ -47,7 +67,8 @@ def rotation_matrices(vectors: npt.ArrayLike) -> Floats:
         vectors: (..., 3) axis times angle [rad], of any length.
 
     Returns:
-        (..., 3, 3) rotation matrices, I + sin(t)/t K + (1 - cos(t))/t^2 K^2 with K = vector x, t its length.
+        (..., 3, 3) rotation matrices, cos(t) I + sin(t)/t K + (1 - cos(t))/t^2 r r^T for a vector r of length
+        t, K = r x.
 
     Raises:
         ArgumentError: another shape, NaN.
@@ -55,15 +76,47 @@ def rotation_matrices(vectors: npt.ArrayLike) -> Floats:
     r = finite("vectors", numbers("vectors", vectors))
     if r.ndim < 1 or r.shape[-1] != 3:
         raise ArgumentError(f"vectors: expected shape (..., 3), got {r.shape}")
-    angle = np.linalg.norm(r, axis=-1)
-    sine = np.sinc(angle / np.pi)
-    versine = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
-    cross = np.zeros((*r.shape, 3))
-    x, y, z = r[..., 0], r[..., 1], r[..., 2]
-    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = -z, y, -x
-    cross[..., 1, 0], cross[..., 2, 0], cross[..., 2, 1] = z, -y, x
-    result: Floats = np.eye(3) + sine[..., None, None] * cross + versine[..., None, None] * (cross @ cross)
+    features = rotation_features(r.reshape(-1, 3))
+    result: Floats = (features @ ROTATION_BASIS.reshape(10, 9)).reshape(*r.shape, 3)
     return result
+
+
+def rotation_features(vectors: Floats) -> Floats:
+    """Numbers (N, 10) in which the rotations of vectors (N, 3) are linear, see :data:`ROTATION_BASIS`.
+
+    The rotation is cos(t) I + sin(t)/t K + (1 - cos(t))/t^2 r r^T, and so in whatever frame it is wanted it
+    is one product of all features with ten matrices. Nothing is checked: this is for the control loop.
+    """
+    features = np.empty((len(vectors), 10))
+    angle = np.maximum(np.sqrt((vectors * vectors).sum(axis=1)), 1e-150)  # at 0 the quotients are 1
+    half = np.sin(0.5 * angle) / angle
+    np.cos(angle, out=features[:, 0])
+    np.multiply((np.sin(angle) / angle)[:, None], vectors, out=features[:, 1:4])
+    scaled = (2.0 * half * half)[:, None] * vectors
+    np.multiply(scaled, vectors, out=features[:, 4:7])
+    np.multiply(scaled, vectors[:, _NEXT], out=features[:, 7:])
+    return features
+
+
+def rotation_vector(turn: Floats) -> tuple[float, float, float]:
+    """Logarithm of one rotation (3, 3), as :func:`rotation_vectors` without its checks, for the control loop.
+
+    Plain Python is five times faster than NumPy on so few numbers.
+    """
+    (a, ab, ac), (ba, b, bc), (ca, cb, c) = turn.tolist()
+    candidates = (
+        (1.0 + a - b - c, ab + ba, ac + ca, cb - bc),
+        (ab + ba, 1.0 - a + b - c, bc + cb, ac - ca),
+        (ac + ca, bc + cb, 1.0 - a - b + c, ba - ab),
+        (cb - bc, ac - ca, ba - ab, 1.0 + a + b + c),
+    )
+    best = max(range(4), key=lambda k: candidates[k][k])
+    x, y, z, scalar = candidates[best]
+    if scalar < 0.0:
+        x, y, z, scalar = -x, -y, -z, -scalar
+    length = math.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * math.atan2(length, scalar) / length if length > 1e-150 else 2.0 / scalar
+    return scale * x, scale * y, scale * z
 
 
 def _quaternions(turns: Floats) -> tuple[Floats, Floats]:

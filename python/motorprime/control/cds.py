@@ -38,7 +38,7 @@ CLOSE = 0.001
 palm that only has to turn would else wait for the eye for ever."""
 MAX_STEPS = 1_000_000
 
-_NEVER = np.zeros(4)
+_NEAR, _NEVER = Tolerance(), np.zeros(4)
 _SYSTEMS = {"eye": 3, "arm": 6, "hand": 1}
 _COUPLINGS = ("eye_arm", "arm_hand")
 
@@ -58,6 +58,10 @@ class CoupledDynamics:
 
     Raises:
         ArgumentError: systems of other dimensions, alpha or beta not > 0.
+
+    Attributes:
+        largest_step: the largest ``dt`` [s] that all certificates cover, min of step / (alpha beta).
+        kernel: the compiled systems, for states that are relative to the goal. It knows no certificates.
 
     For example, at every cycle of a control loop and of vision::
 
@@ -96,18 +100,14 @@ class CoupledDynamics:
         self.eye_arm, self.arm_hand = eye_arm, arm_hand
         self.alpha, self.beta = _rates("alpha", alpha), _rates("beta", beta)
         self.about = dict(about or {})
-        self._kernel = self._compiled()
+        steps = np.array([system.step for system in self.systems.values()])
+        self.largest_step = float(np.min(steps / (self.alpha * self.beta)))
+        self.kernel = self._compiled()
 
     @property
     def systems(self) -> dict[str, LpvDs]:
         """The three systems by name."""
         return {"eye": self.eye, "arm": self.arm, "hand": self.hand}
-
-    @property
-    def largest_step(self) -> float:
-        """The largest ``dt`` [s] that all certificates cover: min of step / (alpha beta)."""
-        steps = np.array([system.step for system in self.systems.values()])
-        return float(np.min(steps / (self.alpha * self.beta)))
 
     def with_speed(self, factor: npt.ArrayLike) -> CoupledDynamics:
         """The same model, ``factor`` times as fast: one number, or one each for eye, arm and hand.
@@ -134,7 +134,7 @@ class CoupledDynamics:
             ArgumentError: ``dt`` is larger than :attr:`largest_step`, or not > 0.
         """
         dt = self._checked(dt)
-        states, _ = self._kernel.roll_out(_given(state, goal), goal.amplitude, dt, 1, _NEVER)
+        states, _ = self.kernel.roll_out(_given(state, goal), goal.amplitude, dt, 1, _NEVER)
         fixations, palms, openings = goal.absolute(states[1:])
         # Without this a system that overshoots could leave the range in which a state is accepted again.
         opening = min(max(float(openings[0]), LEAST_OPEN), MOST_OPEN)
@@ -167,8 +167,8 @@ class CoupledDynamics:
         """
         dt = self._checked(dt)
         steps = _steps(seconds, dt)
-        limits = (tolerance or Tolerance()).array()
-        states, arrived = self._kernel.roll_out(_given(state, goal), goal.amplitude, dt, steps, limits)
+        limits = (tolerance or _NEAR).array()
+        states, arrived = self.kernel.roll_out(_given(state, goal), goal.amplitude, dt, steps, limits)
         fixations, palms, openings = goal.absolute(states)
         times = np.arange(len(states), dtype=np.float64) * dt
         return RollOut(times, fixations, palms, openings, arrived)
@@ -207,9 +207,9 @@ class CoupledDynamics:
         if (each < 0.0).any() or (each > MAX_STEPS * dt).any():
             raise ArgumentError(f"seconds: expected 0 to {MAX_STEPS} steps of dt = {dt} s")
         steps = np.broadcast_to(np.ceil(each / dt - 1e-9), (len(states),)).astype(np.int64)
-        limits = (tolerance or Tolerance()).array()
+        limits = (tolerance or _NEAR).array()
         amplitude = not_negative("amplitude", amplitude)
-        last, arrived, closed = self._kernel.ends(states, amplitude, dt, steps.tolist(), limits, early)
+        last, arrived, closed = self.kernel.ends(states, amplitude, dt, steps.tolist(), limits, early)
         return Ends(last, np.where(arrived < 0, np.nan, arrived * dt), closed)
 
     def save(self, path: str | Path) -> None:
@@ -253,11 +253,11 @@ class CoupledDynamics:
 
     def __getstate__(self) -> dict[str, Any]:
         """For copies and pickles: the kernel is compiled again."""
-        return {name: value for name, value in vars(self).items() if name != "_kernel"}
+        return {name: value for name, value in vars(self).items() if name != "kernel"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self._kernel = self._compiled()
+        self.kernel = self._compiled()
 
     def _checked(self, dt: float) -> float:
         dt = positive("dt", dt)

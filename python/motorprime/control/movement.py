@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from .._arrays import Floats, fixed, not_negative, rigid
 from ..errors import ArgumentError
-from ..rotations import rotation_matrices, rotation_vectors
+from ..rotations import ROTATION_BASIS, rotation_features, rotation_vector
 
 EYE, ARM, HAND = slice(0, 3), slice(3, 9), 9
 """Where the three systems stand in the ten numbers of a movement relative to its goal."""
@@ -80,23 +80,25 @@ class Goal:
 
         Lengths are in the goal palm's axes [m, rad]; all is 0 at the goal.
         """
-        axes = self.palm[:3, :3]
-        return np.concatenate(
-            [
-                (state.fixation - self.fixation) @ axes,
-                (state.palm[:3, 3] - self.palm[:3, 3]) @ axes,
-                rotation_vectors(axes.T @ state.palm[:3, :3]),
-                [state.opening - self.opening],
-            ]
-        )
+        axes, relative = self.palm[:3, :3], np.empty(10)
+        relative[EYE] = (state.fixation - self.fixation) @ axes
+        relative[_PLACE] = (state.palm[:3, 3] - self.palm[:3, 3]) @ axes
+        relative[_TURN] = rotation_vector(axes.T @ state.palm[:3, :3])
+        relative[HAND] = state.opening - self.opening
+        return relative
 
     def absolute(self, relative: Floats) -> tuple[Floats, Floats, Floats]:
         """Fixations (N, 3), palms (N, 4, 4) and openings (N,) of what :meth:`relative` gives, (N, 10)."""
         axes = self.palm[:3, :3]
-        palms = np.zeros((len(relative), 4, 4))
-        palms[:, :3, :3] = axes @ rotation_matrices(relative[:, _TURN])
-        palms[:, :3, 3] = relative[:, _PLACE] @ axes.T + self.palm[:3, 3]
-        palms[:, 3, 3] = 1.0
+        # A palm is linear in the features of its rotation, its place and 1.
+        features = np.empty((len(relative), 14))
+        features[:, :10] = rotation_features(relative[:, _TURN])
+        features[:, 10:13], features[:, 13] = relative[:, _PLACE], 1.0
+        basis = np.zeros((14, 4, 4))
+        basis[:10, :3, :3] = axes @ ROTATION_BASIS
+        basis[10:13, :3, 3] = axes.T
+        basis[13, :, 3] = self.palm[:, 3]
+        palms: Floats = (features @ basis.reshape(14, 16)).reshape(-1, 4, 4)
         fixations: Floats = relative[:, EYE] @ axes.T + self.fixation
         openings: Floats = relative[:, HAND] + self.opening
         return fixations, palms, openings

@@ -104,8 +104,9 @@ impl Mixture {
             *weight = exp_nonpositive(*weight - largest);
             total += *weight;
         }
+        let share = 1.0 / total;
         for weight in weights.iter_mut() {
-            *weight /= total;
+            *weight *= share;
         }
         weights
     }
@@ -290,7 +291,8 @@ mod tests {
 
     #[test]
     fn what_is_wrong_with_a_mixture_is_named() {
-        let cases: [(&str, fn(&mut Gaussians)); 6] = [
+        type Change = fn(&mut Gaussians);
+        let cases: [(&str, Change); 6] = [
             ("eye.weights must be positive and finite, got 0.0 at eye.weights[1]", |g| g.weights[1] = 0.0),
             ("eye.means must be finite, got NaN at eye.means[2]", |g| g.means[2] = f64::NAN),
             ("eye.covariances must be of 8 elements, got 7", |g| {

@@ -177,7 +177,7 @@ const MOST_STEPS: &str = "at most 1000000";
 
 /// The first number that cannot stand in a state. Written so that NaN cannot.
 fn wrong(state: &State) -> Option<usize> {
-    state.iter().position(|x| !(x.abs() <= LARGEST))
+    state.iter().position(|x| !(-LARGEST..=LARGEST).contains(x))
 }
 
 fn check(amplitude: f64, dt: f64, tolerance: &Tolerance) -> Result<()> {
@@ -192,7 +192,7 @@ fn check(amplitude: f64, dt: f64, tolerance: &Tolerance) -> Result<()> {
 }
 
 fn check_not_negative(name: &'static str, values: &[f64]) -> Result<()> {
-    match values.iter().position(|x| !(*x >= 0.0)) {
+    match values.iter().position(|x| !(0.0..).contains(x)) {
         Some(at) => Err(Error::element(name, &[at], "a number >= 0", values[at])),
         None => Ok(()),
     }
