@@ -7,6 +7,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TypeVar
 
+from .control.cds import CoupledDynamics
 from .errors import StateError
 from .peripersonal_model import PeripersonalModel
 from .projection import HybridProjection, KinematicProjection, NeuralProjection
@@ -14,6 +15,7 @@ from .robot import Robot
 
 NEURAL = "icub-projection.safetensors"
 PERIPERSONAL = "icub-peripersonal.safetensors"
+COUPLED = "cds.safetensors"
 
 T = TypeVar("T")
 
@@ -40,6 +42,15 @@ def peripersonal_model(robot: Robot) -> PeripersonalModel:
     learned = _read(PERIPERSONAL, lambda path: PeripersonalModel.load(path, robot=robot.name))
     shapes = _shapes(robot)
     return learned if shapes == learned.shapes else learned.resized(shapes)
+
+
+def coupled_dynamics() -> CoupledDynamics:
+    """The eye-arm-hand controller that was learned from recorded reaches; it belongs to no robot.
+
+    Raises:
+        StateError: the file is missing from the installation.
+    """
+    return _read(COUPLED, CoupledDynamics.load)
 
 
 def hybrid_projection(robot: Robot) -> HybridProjection:

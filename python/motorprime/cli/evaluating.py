@@ -8,9 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
+from . import dynamics
 from .options import JsonFile, Seed, err, out
 
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
+dynamics.register(evaluate)
 
 
 @evaluate.command("projection", short_help="Pixels between rendered balls and their projection.")
