@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use motorprime::dynamics::{self, CoupledSystem, Coupling, Gaussians, Rates, System, Watch};
 use motorprime::gaussian::Gaussian;
 use motorprime::gibbs::{Gibbs, Schedule};
 use motorprime::kernel::{Kernel, Trajectory, Widths};
@@ -267,6 +268,52 @@ fn networks(c: &mut Criterion) {
     }
 }
 
+/// Systems with K components in a row, each turning a little more than the one before.
+fn coupled(components: usize) -> CoupledSystem {
+    let diagonal = |n: usize, value: f64| -> Vec<f64> {
+        (0..n * n).map(|at| if at / n == at % n { value } else { 0.0 }).collect()
+    };
+    let mixture = |m: usize| Gaussians {
+        weights: vec![1.0 / components as f64; components],
+        means: (0..components * m).map(|at| 0.1 * (at / m) as f64).collect(),
+        covariances: (0..components).flat_map(|_| diagonal(m, 0.02)).collect(),
+    };
+    let system = |d: usize, m: usize, rate: f64| {
+        let turned = |k: usize| {
+            let mut matrix = diagonal(d, -rate);
+            if d > 1 {
+                (matrix[1], matrix[d]) = (0.3 * k as f64, -0.3 * k as f64);
+            }
+            matrix
+        };
+        System { mixture: mixture(m), matrices: (0..components).flat_map(turned).collect() }
+    };
+    let coupling = Coupling { mixture: mixture(2), near: 0.02 };
+    let rates = Rates { alpha: [1.0; 3], beta: [1.0; 3], close: 0.001 };
+    let systems = [&system(3, 3, 6.0), &system(6, 3, 2.0), &system(1, 1, 5.0)];
+    CoupledSystem::new(systems, [&coupling; 2], rates).unwrap()
+}
+
+fn movements(c: &mut Criterion) {
+    let tolerance = |t: f64| dynamics::Tolerance { fixation: t, place: t, turn: 10.0 * t, opening: 10.0 * t };
+    let start = [0.2, -0.3, 0.1, -0.3, 0.1, 0.2, 0.5, -0.4, 0.9, 0.8];
+    for components in [1, 3, 6, 12] {
+        let (system, mut path) = (coupled(components), Vec::new());
+        c.bench_function(&format!("dynamics/200 steps, {components} components"), |b| {
+            b.iter(|| {
+                system.roll_out(black_box(&start), 1.0, 0.01, 200, &tolerance(0.0), &mut path).unwrap()
+            });
+        });
+    }
+    let (system, watch) = (coupled(6), Watch { opening: 0.1, distance: 0.02 });
+    let starts: Vec<_> = (0..100).map(|n| start.map(|x| x * (1.0 + 0.01 * f64::from(n)))).collect();
+    c.bench_function("dynamics/100 movements until they arrive, 6 components", |b| {
+        b.iter(|| {
+            system.ends(black_box(&starts), 1.0, 0.01, &[6000; 100], &tolerance(0.001), &watch).unwrap()
+        });
+    });
+}
+
 /// Short: there are many, and a copy of the same size stands beside them.
 fn short() -> Criterion {
     Criterion::default()
@@ -278,6 +325,6 @@ fn short() -> Criterion {
 criterion_group! {
     name = benches;
     config = short();
-    targets = copies, landscapes, selections, samples, stereo, networks, steps
+    targets = copies, landscapes, selections, samples, stereo, networks, steps, movements
 }
 criterion_main!(benches);

@@ -55,8 +55,8 @@ mod tests {
 
     #[test]
     fn exp_is_accurate_over_its_whole_range() {
-        let worst = (0..=7_080_000)
-            .map(|i| -f64::from(i) * 1e-4)
+        let worst = (0..=708_000)
+            .map(|i| -f64::from(i) * 1e-3)
             .map(|x| (exp_nonpositive(x) / x.exp() - 1.0).abs())
             .fold(0.0, f64::max);
         assert!(worst < 4e-16, "{worst:e}");
@@ -71,13 +71,13 @@ mod tests {
     #[test]
     fn ln_is_accurate_for_numbers_of_every_size() {
         let mut worst = 0.0_f64;
-        let step = f64::MAX.to_bits() / 3_000_017;
+        let step = f64::MAX.to_bits() / 300_017;
         for bits in (1..f64::MAX.to_bits()).step_by(step as usize) {
             let x = f64::from_bits(bits);
             worst = worst.max((ln(x) - x.ln()).abs() / x.ln().abs().max(1.0));
         }
-        for i in 1..400_000 {
-            let x = f64::from(i) * 1e-5;
+        for i in 1..40_000 {
+            let x = f64::from(i) * 1e-4;
             worst = worst.max((ln(x) - x.ln()).abs() / x.ln().abs().max(1.0));
         }
         assert!(worst < 4e-16, "{worst:e}");
