@@ -15,11 +15,7 @@ from .robot import Robot
 
 NEURAL = "icub-projection.safetensors"
 PERIPERSONAL = "icub-peripersonal.safetensors"
-<<<<<<< HEAD
-DYNAMICS = "cds.safetensors"
-=======
 COUPLED = "cds.safetensors"
->>>>>>> wt-cds
 
 T = TypeVar("T")
 
@@ -46,15 +42,6 @@ def peripersonal_model(robot: Robot) -> PeripersonalModel:
     learned = _read(PERIPERSONAL, lambda path: PeripersonalModel.load(path, robot=robot.name))
     shapes = _shapes(robot)
     return learned if shapes == learned.shapes else learned.resized(shapes)
-
-
-def coupled_dynamics() -> CoupledDynamics:
-    """The eye-arm-hand controller that was learned from recorded reaches; it belongs to no robot.
-
-    Raises:
-        StateError: the file is missing from the installation.
-    """
-    return _read(COUPLED, CoupledDynamics.load)
 
 
 def hybrid_projection(robot: Robot) -> HybridProjection:
