@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .._arrays import Floats, finite, fixed, numbers, positive
+from .._arrays import Floats, finite, fixed, numbers, positive, rigid
 
 
 @dataclass(frozen=True)
@@ -71,13 +71,13 @@ class SideGrasp:
 
     def pregrasp(self, pose: npt.ArrayLike, share: float = 1.0) -> Floats:
         """The palm's pose (4, 4), ``share`` of the retreat back from a grasp's (4, 4) along its facing."""
-        back = fixed("pose", pose, (4, 4)).copy()
+        back: Floats = rigid("pose", pose).copy()
         back[:3, 3] -= float(fixed("share", share, ())) * self.retreat * back[:3, 2]
         return back
 
     def lifted(self, pose: npt.ArrayLike, share: float = 1.0) -> Floats:
         """The palm's pose (4, 4), ``share`` of the lift straight above a grasp's (4, 4)."""
-        up = fixed("pose", pose, (4, 4)).copy()
+        up: Floats = rigid("pose", pose).copy()
         up[2, 3] += float(fixed("share", share, ())) * self.lift
         return up
 

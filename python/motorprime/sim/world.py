@@ -37,8 +37,8 @@ FRICTION = 0.8
 """Lateral friction of every surface that the hand may hold by, its own too; pybullet multiplies the two."""
 SOLVER_ITERATIONS = 300
 """Fingers of grams press a glass against each other on an arm of kilogrammes: with pybullet's 50 rounds they
-are a millimetre inside it. A held glass creeps through the hand by up to 1 mm a second with 200 rounds, 0.6 with
-300, 0.1 with 500, each at its price in time."""
+are a millimetre inside it. A held glass creeps through the hand by up to 1 mm a second with 200 rounds, by
+0.6 with 300, by 0.1 with 500; each has its price in time."""
 
 
 @dataclass(frozen=True, eq=False)
