@@ -55,7 +55,7 @@ def coupled_dynamics() -> CoupledDynamics:
     Raises:
         StateError: the file is missing from the installation, or its certificate does not hold.
     """
-    return _read(DYNAMICS, CoupledDynamics.load)
+    return _read(COUPLED, CoupledDynamics.load)
 
 
 def _shapes(robot: Robot) -> dict[str, tuple[int, int]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +13,8 @@ from ..sim.scene import REGION, Glass, Scene
 from .cycle import Cycle
 
 JUMP = 0.10  # of the glass [m]
-ATTEMPTS = 400
+ATTEMPTS = 100  # at a place
+TRIED = 4  # of these that have room, whether the glass can still be grasped
 GLASS_ROOM = 0.08  # between the surfaces of glass and obstacle [m]: the hand's fingers close there
 HAND_ROOM = 0.08  # between the palm and the surface of an obstacle that appears [m]
 ROOM = 0.02  # between the surfaces of the obstacle and any other thing [m]
@@ -27,12 +29,14 @@ class Disturbance:
     Attributes:
         after: seconds from the first cycle of the reach.
         obstacle: what appears; None lets the glass jump.
+        leaves_room: as of :func:`spot_between`.
         happened: whether it did.
     """
 
     generator: np.random.Generator
     after: float
-    obstacle: Glass | None = None
+    obstacle: Glass | None
+    leaves_room: Callable[[tuple[float, float]], bool]
     happened: bool = field(default=False, init=False)
     _since: float | None = field(default=None, init=False)
 
@@ -71,9 +75,20 @@ def spot_beside(scene: Scene, generator: np.random.Generator) -> tuple[float, fl
 
 
 def spot_between(
-    scene: Scene, shape: Glass, palm: Floats, generator: np.random.Generator
+    scene: Scene,
+    shape: Glass,
+    palm: Floats,
+    generator: np.random.Generator,
+    leaves_room: Callable[[tuple[float, float]], bool],
 ) -> tuple[float, float]:
     """A place for an obstacle on the way from the palm (3,) [m] to the glass, with room around it.
+
+    Args:
+        scene: with the glass.
+        shape: of the obstacle.
+        palm: where the hand is.
+        generator: draws.
+        leaves_room: says of a place whether the glass can still be grasped when something stands there.
 
     Raises:
         StateError: none was found.
@@ -84,15 +99,21 @@ def spot_between(
     if length < 1e-6:
         raise StateError("obstacle: the palm is over the glass")
     across = np.array([-way[1], way[0]]) / length
+    tried = 0
     for _ in range(ATTEMPTS):
         spot = palm[:2] + generator.uniform(*BETWEEN) * way + generator.uniform(-BESIDE, BESIDE) * across
         apart = float(np.linalg.norm(spot - glass)) - radius - shape.radius
         hand = float(np.linalg.norm(spot - palm[:2])) - shape.radius
         if apart < GLASS_ROOM or hand < HAND_ROOM or not _room(scene, spot, shape.radius, ROOM):
             continue
+        place = float(spot[0]), float(spot[1])
         if not scene.on_table(spot, shape.radius):
             continue
-        return float(spot[0]), float(spot[1])
+        if leaves_room(place):
+            return place
+        tried += 1
+        if tried == TRIED:
+            break
     raise StateError("obstacle: there is no room for one between the hand and the glass")
 
 

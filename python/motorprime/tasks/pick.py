@@ -116,15 +116,9 @@ class Pick(Seeker):
     def _choose(self) -> None:
         """Choose how to grasp the target where it is believed to be, among what is known to stand about."""
         assert self.estimate is not None
-        centre, radius = self.estimate.copy(), self.target.shape.radius
+        centre = self.estimate.copy()
         self._avoid()
-        self.grasp = choose_grasp(
-            self.controller.arm,
-            lambda azimuth: SIDE_GRASP.pose(centre, azimuth, radius),
-            distance=BACK,
-            azimuths=SIDE_GRASP.azimuths,
-            start=self._angles(),
-        )
+        self.grasp = choose(self.controller.arm, centre, self.target.shape.radius, start=self._angles())
         self._chosen_for = centre
 
     def _avoid(self) -> None:
@@ -314,6 +308,21 @@ class Pick(Seeker):
         palm = self._palm()
         points = np.linspace(palm, self.estimate, PLAN_POINTS)
         return self._look_along(phase, points, self.motion.goal.palm[:3, 3])
+
+
+def choose(arm: PoseSolver, centre: Floats, radius: float, *, start: Floats | None = None) -> Grasp:
+    """The most comfortable grasp from the side of something upright, centred at ``centre`` (3,) [m].
+
+    Raises:
+        UnreachableError: there is none.
+    """
+    return choose_grasp(
+        arm,
+        lambda azimuth: SIDE_GRASP.pose(centre, azimuth, radius),
+        distance=BACK,
+        azimuths=SIDE_GRASP.azimuths,
+        start=start,
+    )
 
 
 def _spread(path: Floats) -> Floats:

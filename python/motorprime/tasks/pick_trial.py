@@ -10,21 +10,23 @@ from typing import Any
 import numpy as np
 
 from ..control.cds import CoupledDynamics
-from ..errors import StateError
+from ..control.clearance import Obstacle
+from ..control.pose import PoseSolver
+from ..errors import StateError, UnreachableError
 from ..robot import Robot
 from ..sim.glass import draw_tumbler
 from ..sim.scene import CANISTER, TABLE_HEIGHT, Glass
 from ..sim.world import STEP
 from .cycle import Cycle, Settings
 from .disturbance import Disturbance, spot_between
-from .pick import Pick
-from .staging import strike_start, target_of
+from .pick import Pick, choose
+from .staging import cylinder_of, strike_start, target_of
 from .trial import BENCH, Staged
 
 LIFTED, HELD = 0.05, 1.0
 """The glass counts as lifted when its bottom stays so high over the table [m] for so long [s]."""
 
-AWAY = 0.24  # of the palm's start from the glass when something is to stand between [m]
+AWAY = 0.26  # of the palm's start from the glass when something is to stand between [m]
 STARTS = 40  # until there is room for an obstacle
 SOON, LATE = 0.3, 0.9  # when a disturbance happens after the hand has set out [s]
 
@@ -83,11 +85,13 @@ class PickTrial(Staged):
         **others: Any,
     ) -> None:
         self._obstacle, self._perturb = obstacle, perturb
+        self._arm = PoseSolver(robot, BENCH)
         super().__init__(robot, seed, **others)
         self.disturbance = None
         if perturb:
             after = float(self.generator.uniform(SOON, LATE))
-            self.disturbance = Disturbance(self.generator.spawn(1)[0], after, CANISTER if obstacle else None)
+            appearing = CANISTER if obstacle else None
+            self.disturbance = Disturbance(self.generator.spawn(1)[0], after, appearing, self._leaves_room)
         self.task = Pick(
             self.body,
             target_of(self.stage.layout.glass),
@@ -145,7 +149,7 @@ class PickTrial(Staged):
                 return  # it appears later
             palm = self.stage.world.palm_pose()[:3, 3]
             try:
-                spot = spot_between(self.stage.scene, CANISTER, palm, self.generator)
+                spot = spot_between(self.stage.scene, CANISTER, palm, self.generator, self._leaves_room)
             except StateError:
                 continue
             self.stage.scene.stand_obstacle(CANISTER, spot)
@@ -154,6 +158,19 @@ class PickTrial(Staged):
                 return
             self.stage.scene.remove_obstacle()
         raise StateError(f"obstacle: after {STARTS} starts there is no room for one between hand and glass")
+
+    def _leaves_room(self, spot: tuple[float, float]) -> bool:
+        """Whether the glass can be grasped from some side while an obstacle stands there.
+
+        One that stands where the forearm has to be is none that there is a way past.
+        """
+        centre = np.array([*spot, TABLE_HEIGHT + CANISTER.height / 2])
+        arm = self._arm.over(BENCH, [Obstacle(cylinder_of(CANISTER), centre)])
+        try:
+            choose(arm, self.stage.scene.glass_pose()[0], self.stage.layout.glass.radius)
+        except UnreachableError:
+            return False
+        return True
 
     def _watch(self) -> None:
         scene = self.stage.scene

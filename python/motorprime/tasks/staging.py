@@ -159,10 +159,10 @@ def strike_start(
         stage.strike(random_posture(robot, generator))
         world.place(dict(zip(robot.arm, generator.uniform(limits[:, 0], limits[:, 1]), strict=True)))
         x, y, z = world.palm_pose()[:3, 3]
-        # Over the near half of the table at the hand's own side, not behind or inside the robot; farther to
-        # the side where it must keep away.
-        aside = 0.45 if away else 0.35
-        if not (-0.32 < x < -0.12 and 0.0 < y < aside and TABLE_HEIGHT + 0.06 < z < 0.22):
+        # Over the near half of the table at the hand's own side, not behind or inside the robot; farther off
+        # where it must keep away.
+        far, aside = (-0.42, 0.45) if away else (-0.32, 0.35)
+        if not (far < x < -0.12 and 0.0 < y < aside and TABLE_HEIGHT + 0.06 < z < 0.22):
             continue
         if away and np.hypot(*(np.array([x, y]) - stage.scene.glass_pose()[0][:2])) < away:
             continue
