@@ -7,6 +7,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TypeVar
 
+from .control.swivel import Swivel
 from .errors import StateError
 from .peripersonal_model import PeripersonalModel
 from .projection import HybridProjection, KinematicProjection, NeuralProjection
@@ -14,6 +15,7 @@ from .robot import Robot
 
 NEURAL = "icub-projection.safetensors"
 PERIPERSONAL = "icub-peripersonal.safetensors"
+ELBOW = "human-elbow.safetensors"
 
 T = TypeVar("T")
 
@@ -40,6 +42,15 @@ def peripersonal_model(robot: Robot) -> PeripersonalModel:
     learned = _read(PERIPERSONAL, lambda path: PeripersonalModel.load(path, robot=robot.name))
     shapes = _shapes(robot)
     return learned if shapes == learned.shapes else learned.resized(shapes)
+
+
+def elbow_swivel() -> Swivel:
+    """Where a person's elbow is while reaching, learned from motion capture of 21 reaches.
+
+    Raises:
+        StateError: the file is missing from the installation.
+    """
+    return _read(ELBOW, Swivel.load)
 
 
 def hybrid_projection(robot: Robot) -> HybridProjection:

@@ -64,12 +64,10 @@ def minimise(
         promised = -float(step @ gradient + 0.5 * step @ hessian @ step)
         if np.abs(step).max() < STILL or 0.0 <= promised <= slight * cost:
             break
-        lowered = 0.0  # a step cut by the limits may promise nothing; a shorter one will
-        if promised > 0.0:
-            ahead = np.clip(x + step, lower, upper)
-            residuals, jacobian = evaluate(ahead)
-            evaluations += 1
-            lowered = cost - 0.5 * float(residuals @ residuals)
+        ahead = np.clip(x + step, lower, upper)
+        residuals, jacobian = evaluate(ahead)
+        evaluations += 1
+        lowered = cost - 0.5 * float(residuals @ residuals)
         if lowered > 0.0:
             x = ahead
             cost, gradient, hessian = _model(residuals, jacobian)
