@@ -15,7 +15,8 @@ from motorprime.evaluate.ik import evaluate_ik
 pytestmark = pytest.mark.sim
 
 KEYS = {
-    "seed", "poses", "solved", "solved_share", "at_once", "restarts", "median_us", "p99_us", "tolerance_mm",
+    "seed", "poses", "solved", "solved_share", "at_once", "restarts", "median_us", "p99_us",
+    "median_cpu_us", "p99_cpu_us", "tolerance_mm",
     "tolerance_deg", "median_mm", "p99_mm", "median_deg", "p99_deg", "with_margin", "follow",
 }  # fmt: skip
 
@@ -31,6 +32,7 @@ def test_nearly_all_poses_are_solved_and_followed_and_a_seed_names_the_poses(icu
     assert one["poses"] == 60 and one["solved"] >= 59 and one["solved_share"] == one["solved"] / 60
     assert one["at_once"] <= one["solved"] <= one["at_once"] + one["restarts"]
     assert one["median_mm"] < 0.1 and one["median_deg"] < 0.1
+    assert 0.0 < one["follow"]["within_tolerance"] <= 1.0
     assert one["follow"]["median_mm"] < 2.0 and one["follow"]["steps"] == 2 * 200
     for timeless in ("solved", "restarts", "median_mm", "p99_deg"):
         assert one[timeless] == two[timeless]

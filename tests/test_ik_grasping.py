@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from motorprime.control.clearance import Obstacle
-from motorprime.control.grasping import FARTHEST, choose_grasp
-from motorprime.control.pose import PoseSolver
+from motorprime.control.grasping import FARTHEST, Grasp, choose_grasp
+from motorprime.control.pose import PoseSolution, PoseSolver
 from motorprime.control.reaching import AZIMUTHS, Bench
 from motorprime.cylinder import Cylinder
 from motorprime.errors import ArgumentError, UnreachableError
@@ -64,6 +64,39 @@ def test_no_other_side_is_much_more_comfortable(solver):
         except UnreachableError:
             continue
         assert best.discomfort <= other.discomfort * 1.05 + 1e-3
+
+
+def test_the_best_side_is_refined_between_those_that_are_asked_for(solver):
+    """Of -20, 40 and 100 deg; 10 deg, halfway, is better than all three."""
+    asked = np.deg2rad([-20.0, 40.0, 100.0])
+    refined = choose_grasp(solver, side(CENTRE), azimuths=asked)
+    alone = [choose_grasp(solver, side(CENTRE), azimuths=[azimuth]) for azimuth in asked[:2]]
+    assert refined.discomfort < 0.95 * min(one.discomfort for one in alone)
+    assert np.abs(refined.azimuth - asked).min() > 0.1
+
+
+def test_sides_that_cannot_be_better_are_not_solved_with_their_clearances(solver, monkeypatch):
+    """Two solves for the best side and for each of four refinements at most; nine sides would need 18."""
+    guarded, nearest = [], PoseSolver.nearest
+
+    def counting(self, *args, **options):
+        guarded.append(not self._clearance.idle)
+        return nearest(self, *args, **options)
+
+    monkeypatch.setattr(PoseSolver, "nearest", counting)
+    choose_grasp(solver, side(CENTRE))
+    assert 2 <= sum(guarded) <= 10
+
+
+def test_a_pregrasp_that_is_another_posture_is_no_approach():
+    def solution(angle):
+        return PoseSolution(np.array([0.0, angle]), 0.0, 0.0, 0.0, 0, True)
+
+    def grasp(angle):
+        return Grasp(0.0, np.eye(4), np.eye(4), solution(0.1), solution(angle), 0.0)
+
+    assert grasp(0.1 + FARTHEST - 0.01).feasible and not grasp(0.1 + FARTHEST + 0.01).feasible
+    assert not grasp(0.1 - FARTHEST - 0.01).feasible
 
 
 def test_the_discomfort_is_that_of_both_postures(solver):

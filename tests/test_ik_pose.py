@@ -184,6 +184,40 @@ def test_a_pose_within_an_obstacle_is_not_solved_and_says_how_deep(icub, solver)
     assert buried.over(None).solve(target).solved
 
 
+@pytest.mark.sim
+def test_errors_within_the_tolerance_are_no_solution_while_a_clearance_is_missed(icub, solver):
+    target = solver.palm(solver.rest)
+    buried = Obstacle(Cylinder(0.05, 0.2), target[:3, 3])
+    lax = PoseSolver(icub, None, [buried], tolerance=(0.5, 3.0)).nearest(target, restarts=0)
+    assert lax.position_error < 0.5 and lax.rotation_error < 3.0
+    assert lax.depth > DEEPEST and not lax.solved
+
+
+def test_place_and_rotation_each_have_to_be_within_their_tolerance(small):
+    """Three joints reach the place or the rotation, not both."""
+    target = small.palm(small.rest)
+    target[:3, :3] = target[:3, :3] @ rotation_matrices([0.3, -0.2, 0.2])
+    for tolerance, solved in (((1.0, 0.001), False), ((1e-6, 3.0), False), ((1.0, 3.0), True)):
+        strict = PoseSolver(small.robot, tolerance=tolerance)
+        found = strict.nearest(target, restarts=2)
+        assert found.rotation_error > 0.001 and found.position_error > 1e-6
+        assert found.solved is solved
+
+
+def test_further_starts_are_the_postures_with_the_nearest_palms(small):
+    goal = _Goal(small._library_palms[7], small.rest, np.ones(3))
+    starts = small._starts(goal, 5)
+    np.testing.assert_array_equal(starts[0], small._library[7])
+    off = [
+        np.hypot(600 * place, 60 * turn) for place, turn in (apart(small.palm(q), goal.palm) for q in starts)
+    ]
+    every = [
+        np.hypot(600 * place, 60 * turn)
+        for place, turn in (apart(palm, goal.palm) for palm in small._library_palms)
+    ]
+    np.testing.assert_allclose(off, np.sort(every)[:5], atol=1e-4)
+
+
 # Following.
 
 

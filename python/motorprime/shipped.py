@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from .control.cds import CoupledDynamics
+from .control.swivel import Swivel
 from .errors import StateError
 from .peripersonal_model import PeripersonalModel
 from .projection import HybridProjection, KinematicProjection, NeuralProjection
@@ -16,6 +17,7 @@ from .robot import Robot
 NEURAL = "icub-projection.safetensors"
 PERIPERSONAL = "icub-peripersonal.safetensors"
 COUPLED = "cds.safetensors"
+ELBOW = "human-elbow.safetensors"
 
 T = TypeVar("T")
 
@@ -42,6 +44,15 @@ def peripersonal_model(robot: Robot) -> PeripersonalModel:
     learned = _read(PERIPERSONAL, lambda path: PeripersonalModel.load(path, robot=robot.name))
     shapes = _shapes(robot)
     return learned if shapes == learned.shapes else learned.resized(shapes)
+
+
+def elbow_swivel() -> Swivel:
+    """Where a person's elbow is while reaching, learned from motion capture of 21 reaches.
+
+    Raises:
+        StateError: the file is missing from the installation.
+    """
+    return _read(ELBOW, Swivel.load)
 
 
 def hybrid_projection(robot: Robot) -> HybridProjection:

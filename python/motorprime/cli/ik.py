@@ -1,16 +1,20 @@
-"""``motorprime evaluate ik``."""
+"""``motorprime evaluate ik`` and ``elbow``."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .options import JsonFile, Seed
+from .options import JsonFile, Seed, err, out
 
 
 def register(evaluate: typer.Typer) -> None:
     """Add the command to ``motorprime evaluate``."""
+    evaluate.command("elbow", short_help="A person's elbow, learned from motion capture, on the robot.")(
+        _elbow
+    )
     evaluate.command("ik", short_help="Poses of the palm that inverse kinematics solves, and how fast.")(_ik)
 
 
@@ -30,3 +34,35 @@ def _ik(
     from .evaluating import _measure
 
     _measure("ik", evaluate_ik, json_file, poses=poses, seed=seed)
+
+
+def _elbow(
+    path: Annotated[Path, typer.Argument(help="Motion capture of somebody who grasps (.tsv).")],
+    poses: Annotated[int, typer.Option(min=1, help="Poses of each kind that are solved.")] = 200,
+    save: Annotated[
+        Path | None, typer.Option("--out", help="Write what was learned to this file.", dir_okay=False)
+    ] = None,
+    seed: Seed = 0,
+    json_file: JsonFile = None,
+) -> None:
+    """A person's elbow learned from the reaches in PATH, and poses of the robot with and without heeding it.
+
+    "error_deg" is how far the elbow's swivel about the line from shoulder to wrist is off on reaches that
+    were left out. Under the kind of poses and the preference's weight: "solved", how far the robot's swivel
+    is off the person's ("off_deg", "p90_off_deg"), joints at their stops and discomfort.
+    """
+    from ..evaluate.common import Progress, check_writable, table, write_json
+    from ..evaluate.elbow import evaluate_elbow
+    from ..sim.icub import load_icub
+
+    for file, option in ((json_file, "json"), (save, "out")):
+        if file is not None:
+            check_writable(file, option)
+    figures, swivel = evaluate_elbow(load_icub(), path, poses=poses, seed=seed, progress=Progress(err))
+    out.print(table("evaluate elbow", figures))
+    if save is not None:
+        swivel.save(save)
+        err.print(f"wrote {save}", markup=False, highlight=False, soft_wrap=True)
+    if json_file is not None:
+        write_json(json_file, figures)
+        err.print(f"wrote {json_file}", markup=False, highlight=False, soft_wrap=True)

@@ -13,7 +13,7 @@ from ..errors import ArgumentError, UnreachableError
 from .pose import PoseSolution, PoseSolver
 from .reaching import AZIMUTHS
 
-RESTARTS = 1  # for each side: another side is as good a second chance as another start
+RESTARTS = 1  # for each side without its obstacles
 REFINEMENTS = 2  # times that the sides halfway to the best one's neighbours are tried
 FARTHEST = 0.8
 """Largest change [rad] of a joint from pre-grasp to grasp: more is another posture, not an approach."""
@@ -83,7 +83,8 @@ def choose_grasp(
 
     def solve(by: PoseSolver, azimuth: float, guess: npt.ArrayLike | None) -> Grasp:
         palm = rigid("pose", pose(azimuth))
-        grasp = before = by.nearest(palm, guess, hold=hold, turning=turning, restarts=RESTARTS)
+        restarts = RESTARTS if by is free else 0  # the other has a good start, and other sides to try
+        grasp = before = by.nearest(palm, guess, hold=hold, turning=turning, restarts=restarts)
         if grasp.solved:
             before = by.nearest(palm @ away, grasp.angles, hold=hold, turning=turning, restarts=0)
         cost = by.discomfort(grasp.angles, hold) + by.discomfort(before.angles, hold)

@@ -64,12 +64,10 @@ def minimise(
         promised = -float(step @ gradient + 0.5 * step @ hessian @ step)
         if np.abs(step).max() < STILL or 0.0 <= promised <= slight * cost:
             break
-        lowered = 0.0  # a step cut by the limits may promise nothing; a shorter one will
-        if promised > 0.0:
-            ahead = np.clip(x + step, lower, upper)
-            residuals, jacobian = evaluate(ahead)
-            evaluations += 1
-            lowered = cost - 0.5 * float(residuals @ residuals)
+        ahead = np.clip(x + step, lower, upper)
+        residuals, jacobian = evaluate(ahead)
+        evaluations += 1
+        lowered = cost - 0.5 * float(residuals @ residuals)
         if lowered > 0.0:
             x = ahead
             cost, gradient, hessian = _model(residuals, jacobian)
@@ -90,14 +88,16 @@ def box_step(hessian: Floats, gradient: Floats, damping: float, lower: Floats, u
     there, what is held against its slope is let go. Should that not settle, the last step is cut to the box;
     it may then lead up, which more damping mends.
     """
-    damped = hessian + damping * np.eye(len(gradient))
+    damped = hessian.copy()
+    damped.flat[:: len(gradient) + 1] += damping
     low, high = (lower >= 0.0) & (gradient > 0.0), (upper <= 0.0) & (gradient < 0.0)
     step: Floats = np.zeros_like(gradient)
     for _ in range(PASSES):
         held = low | high
         if held.any():  # their rows say that their steps are the limits
             known = np.where(low, lower, np.where(high, upper, 0.0))
-            matrix = np.where(held[:, None] | held, 0.0, damped) + np.diag(held.astype(np.float64))
+            matrix = np.where(held[:, None] | held, 0.0, damped)
+            matrix.flat[:: len(gradient) + 1] += held
             step[:] = np.linalg.solve(matrix, np.where(held, known, -gradient - damped @ known))
             slope = damped @ step + gradient
             new_low = np.where(low, slope > 0.0, step < lower)
@@ -105,7 +105,7 @@ def box_step(hessian: Floats, gradient: Floats, damping: float, lower: Floats, u
         else:
             step[:] = np.linalg.solve(damped, -gradient)
             new_low, new_high = step < lower, step > upper
-        if (new_low == low).all() and (new_high == high).all():
+        if not ((new_low != low) | (new_high != high)).any():
             break
         low, high = new_low, new_high & ~new_low
     return np.clip(step, lower, upper)

@@ -30,6 +30,7 @@ SAFETY = 0.11
 """Distance [m] of the via-point from the obstacle's surface: the palm, and fingers that are half bent."""
 
 WIDER = (1.0, 1.3, 1.6)  # times SAFETY: tried in this order
+TIGHT = 0.04  # the hand's own thickness [m]: no goal may be nearer to an obstacle
 MARGIN = 0.01  # an obstacle that the hand starts too close to may not come nearer than this [m]
 
 
@@ -109,10 +110,10 @@ class _Barrier:
         """With the allowance, or less where the palm is so near already."""
         ends = np.array([leg.goal.palm[:3, 3] for leg in legs])
         end = float(obstacle.gap(ends)[0].min())
-        if end < allowance:
+        if end < TIGHT:
             raise UnreachableError(
                 f"goal: in collision; the palm would be {end * 100:.1f} cm from an obstacle "
-                f"at {np.round(obstacle.centre, 3)} m and needs {allowance * 100:.1f} cm"
+                f"at {np.round(obstacle.centre, 3)} m and needs {TIGHT * 100:.1f} cm"
             )
         start = float(obstacle.gap(state.palm[None, :3, 3])[0][0])
         if start < MARGIN:
@@ -120,7 +121,7 @@ class _Barrier:
                 f"start: in collision; the palm is {start * 100:.1f} cm from an obstacle "
                 f"at {np.round(obstacle.centre, 3)} m"
             )
-        return cls(obstacle, min(allowance, start - MARGIN / 2), whole)
+        return cls(obstacle, min(allowance, start - MARGIN / 2, end - MARGIN / 2), whole)
 
     def hit(self, motion: Motion) -> int | None:
         """Where on its path a motion comes too close first."""

@@ -52,7 +52,8 @@ class Disturbance:
             if self.obstacle is None:
                 scene.move_glass(spot_beside(scene, self.generator))
             else:
-                scene.stand_obstacle(self.obstacle, spot_between(scene, self.obstacle, palm, self.generator))
+                spot = spot_between(scene, self.obstacle, palm, self.generator, self.leaves_room)
+                scene.stand_obstacle(self.obstacle, spot)
         except StateError:
             return  # no room now; perhaps at the next cycle
         self.happened = True
