@@ -108,7 +108,9 @@ def test_nine_motors_move_the_nineteen_joints_of_the_icub_s_hand_and_count_what_
         if motor == "r_hand_finger":
             continue
         for finger in ("thumb", "index", "middle", "ring", "little"):
-            shares = [terms[motor] for joint, terms in driven.items() if f"r_{finger}_" in joint and motor in terms]
+            shares = [
+                terms[motor] for joint, terms in driven.items() if f"r_{finger}_" in joint and motor in terms
+            ]
             assert not shares or sum(shares) == pytest.approx(1.0)
 
 
