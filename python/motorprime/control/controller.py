@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import NDArray
 
 from .._arrays import Floats, fixed, integer, positive, rigid
 from ..errors import StateError, UnreachableError
@@ -27,9 +28,9 @@ ADRIFT = 0.005
 """When the arm stays so far [m] behind the plan, because of limits or of what it keeps off, the plan goes on
 from where the arm is."""
 THINNING = 0.6  # time in which the hand becomes slim, or itself again [s]
-REHEARSED = 12  # poses of a movement that the arm is tried in
+STRIDE, TURN = 0.03, 0.25  # of the palm [m] and [rad], after which the arm is tried again in a rehearsal
 AWRY = 0.015  # so far off [m] the arm may be on the way
-LEAP = 1.2  # between two of them no joint turns farther [rad]
+LEAP = 0.9  # between two tries no joint turns farther [rad]
 
 
 class Controller:
@@ -127,7 +128,7 @@ class Controller:
         """Whether the arm can do a motion from where it is, keeping off what it shall, without a leap."""
         palms = motion.simulated.palms
         angles = self.angles
-        for k in np.unique(np.linspace(0, len(palms) - 1, REHEARSED).round().astype(int)):
+        for k in _milestones(palms):
             arm = self.careful if k < motion.begins[-1] else self.arm
             found = arm.nearest(palms[k], angles, hold=hold, restarts=0)
             leap = float(np.abs(found.angles - angles).max())
@@ -160,6 +161,15 @@ class Controller:
             for name, old, new in zip(robot.gaze, begun, posture, strict=True):
                 command.setdefault(name, float(old + share * (new - old)))
         self.gaze = posture
+
+
+def _milestones(palms: Floats) -> NDArray[np.intp]:
+    """Indices into palms (N, 4, 4), ascending, between which a palm moves a stride or turns at most."""
+    steps = np.linalg.norm(np.diff(palms[:, :3, 3], axis=0), axis=1) / STRIDE
+    cosines = (np.einsum("nij,nij->n", palms[1:, :3, :3], palms[:-1, :3, :3]) - 1.0) / 2.0
+    gone = np.cumsum([0.0, *(steps + np.arccos(np.clip(cosines, -1.0, 1.0)) / TURN)])
+    marks = np.linspace(0.0, gone[-1], max(2, int(np.ceil(gone[-1])) + 1))
+    return np.unique(np.minimum(np.searchsorted(gone, marks), len(palms) - 1))
 
 
 def hold_between(first: Floats, last: Floats, goal: Goal, state: State, whole: float) -> Floats:
