@@ -8,11 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
-from . import dynamics
+from . import dynamics, dynamics_learning
 from .options import JsonFile, Seed, err, out
 
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
 dynamics.register(evaluate)
+dynamics_learning.register(evaluate)
 
 
 @evaluate.command("projection", short_help="Pixels between rendered balls and their projection.")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .._arrays import Floats
 from ..errors import ArgumentError
 from ..samples import Samples
 
@@ -28,15 +29,7 @@ def read_table(path: str | Path) -> Samples:
             is missing or no finite number; the message names the row and the column.
     """
     path = Path(path)
-    try:
-        names, cells = _numpy(path) if path.suffix == ".npy" else _text(path)
-    except OSError as error:
-        raise ArgumentError(f"path: cannot read {path}: {error.strerror}") from None
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ArgumentError(f"path: {path} has the column '{twice}' twice")
-    if not len(cells):
-        raise ArgumentError(f"path: {path} has no rows below its header")
+    names, cells = read_columns(path)
     cameras = _cameras(path, names)
     pixels = {camera: cells[:, [names.index(f"{camera}_{c}") for c in "uv"]] for camera in cameras}
     of_cameras = {f"{camera}_{c}" for camera in cameras for c in "uv"}
@@ -54,6 +47,25 @@ def read_table(path: str | Path) -> Samples:
                 f"path: {path}, row {_row(half)}: '{camera}_u' and '{camera}_v' expected both or neither"
             )
     return Samples(tuple(joints), cells[:, [names.index(name) for name in joints]], pixels)
+
+
+def read_columns(path: str | Path) -> tuple[list[str], Floats]:
+    """Names of the columns of a CSV file or a structured .npy, and its numbers (N, columns), NaN where empty.
+
+    Raises:
+        ArgumentError: no such file, no rows, a name twice or missing, or a value that is no finite number.
+    """
+    path = Path(path)
+    try:
+        names, cells = _numpy(path) if path.suffix == ".npy" else _text(path)
+    except OSError as error:
+        raise ArgumentError(f"path: cannot read {path}: {error.strerror}") from None
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ArgumentError(f"path: {path} has the column '{twice}' twice")
+    if not len(cells):
+        raise ArgumentError(f"path: {path} has no rows below its header")
+    return names, cells
 
 
 def _cameras(path: Path, names: list[str]) -> list[str]:
@@ -75,7 +87,7 @@ def _cameras(path: Path, names: list[str]) -> list[str]:
     return cameras
 
 
-def _text(path: Path) -> tuple[list[str], np.ndarray[tuple[int, int], np.dtype[np.float64]]]:
+def _text(path: Path) -> tuple[list[str], Floats]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -112,7 +124,7 @@ def _value(cell: str, where: str) -> float:
     return value
 
 
-def _numpy(path: Path) -> tuple[list[str], np.ndarray[tuple[int, int], np.dtype[np.float64]]]:
+def _numpy(path: Path) -> tuple[list[str], Floats]:
     try:
         array = np.load(path, allow_pickle=False)
     except (ValueError, EOFError) as error:
