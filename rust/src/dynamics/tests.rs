@@ -191,6 +191,18 @@ fn a_movement_ends_where_everything_is_within_its_tolerance() {
 }
 
 #[test]
+fn a_movement_has_the_same_bits_on_every_machine() {
+    let systems = [mixed(3), mixed(6), linear(&[5.0])];
+    let couplings = [line(0.8, 0.0), line(0.1, 0.8)];
+    let system = CoupledSystem::new(systems.each_ref(), couplings.each_ref(), rates()).unwrap();
+    let start = [0.3, -0.2, 0.1, 0.4, 0.3, -0.2, 2.0, -1.0, 0.5, 0.3];
+    let mut path = Vec::new();
+    system.roll_out(&start, 1.0, 0.01, 200, &NEVER, &mut path).unwrap();
+    let bits = path.iter().flatten().fold(0_u64, |hash, x| hash.rotate_left(5) ^ x.to_bits());
+    assert_eq!(format!("{bits:016x}"), "d0d24890ad6b3c04");
+}
+
+#[test]
 fn many_movements_end_as_each_of_them_alone() {
     let system = simple(rates());
     let starts: Vec<State> = (0..200)
