@@ -9,6 +9,7 @@ import typer
 
 from .. import __version__
 from ..errors import Error
+from .dynamics_learning import learn
 from .evaluating import evaluate
 from .learning import babble, train
 from .options import err, out
@@ -24,6 +25,7 @@ app = typer.Typer(
 app.command(short_help="Let the simulated iCub find a glass and reach for it.")(reach)
 app.command(short_help="Collect samples to learn from: random postures and a ball.")(babble)
 app.add_typer(train, name="train")
+app.add_typer(learn, name="learn")
 app.command(short_help="Time the kernels beside their best exact peers.")(bench)
 app.add_typer(evaluate, name="evaluate")
 

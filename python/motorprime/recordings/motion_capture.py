@@ -86,8 +86,8 @@ def read_motion_capture(path: str | Path, *, unit: float = 0.001) -> MotionCaptu
     markers = {}
     for k, name in enumerate(names):
         places = cells[:, 2 + 3 * k : 5 + 3 * k] * unit
-        hidden = np.isnan(places).any(axis=1) | ~places.any(axis=1)
-        markers[name] = np.where(hidden[:, None], np.nan, places)
+        hidden = np.isnan(places).any(axis=1) | (places == 0.0).all(axis=1)
+        markers[name] = np.where(np.expand_dims(hidden, 1), np.nan, places)
     spans = {name: float(np.ptp(seen, axis=0).max()) for name in names if len(seen := _seen(markers[name]))}
     for name, span in spans.items():
         if span > LARGEST:
@@ -106,7 +106,8 @@ def fill_gaps(times: Floats, places: Floats, *, longest: float = 0.1) -> Floats:
         places: (N, d), rows of NaN where it is hidden.
         longest: gap [s] between the samples on its two sides that is still bridged.
     """
-    times, filled = fixed("times", times, (len(places),)), places.copy()
+    times = fixed("times", times, (len(places),))
+    filled: Floats = places.copy()
     hidden = np.isnan(places).any(axis=1)
     seen = np.flatnonzero(~hidden)
     for before, after in pairwise(seen):
@@ -118,7 +119,8 @@ def fill_gaps(times: Floats, places: Floats, *, longest: float = 0.1) -> Floats:
 
 
 def _seen(places: Floats) -> Floats:
-    return places[~np.isnan(places).any(axis=1)]
+    seen: Floats = places[~np.isnan(places).any(axis=1)]
+    return seen
 
 
 def _cells(line: str, columns: int, where: str) -> list[float]:

@@ -23,7 +23,7 @@ LONGEST_GAP = 0.1
 """A marker may be hidden for so long [s] within a reach."""
 SMOOTHED = 0.11
 """Span [s] of the parabola that is fitted round each sample; 10 Hz of movement pass, jitter does not."""
-CLOSED = 0.1
+CLOSED = 0.02
 """The grasp is the first sample at which the hand has closed but for this share of its opening."""
 SETTING_OFF = 0.1
 """A reach begins when the palm has this share of the reach's greatest speed."""
@@ -158,12 +158,13 @@ def smooth(capture: MotionCapture, values: Floats) -> Floats:
     """
     half = max(1, round(SMOOTHED / capture.period / 2))
     if len(values) <= half:
-        return values.copy()
+        return np.array(values)
     offsets = np.arange(-half, half + 1)
     weights = np.linalg.pinv(np.vander(offsets, 3))[2]
     before, after = 2 * values[0] - values[half:0:-1], 2 * values[-1] - values[-2 : -half - 2 : -1]
     longer = np.concatenate([before, values, after])
-    return np.stack([np.convolve(column, weights[::-1], mode="valid") for column in longer.T], axis=1)
+    smoothed: Floats = np.stack([np.convolve(c, weights[::-1], mode="valid") for c in longer.T], axis=1)
+    return smoothed
 
 
 def _follow(aperture: Floats, other: Floats) -> Floats:
@@ -175,7 +176,7 @@ def _follow(aperture: Floats, other: Floats) -> Floats:
     slope, offset = np.polyfit(other[both], aperture[both], 1)
     line = slope * other + offset
     error = np.interp(np.flatnonzero(gaps), np.flatnonzero(both), (aperture - line)[both])
-    filled = aperture.copy()
+    filled: Floats = aperture.copy()
     filled[gaps] = line[gaps] + error
     return filled
 
