@@ -25,6 +25,8 @@ COMMANDS = (
     ["evaluate", "projection"],
     ["evaluate", "search"],
     ["evaluate", "reach"],
+    ["evaluate", "rollout"],
+    ["evaluate", "stability"],
 )
 SIM = pytest.mark.sim
 

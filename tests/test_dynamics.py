@@ -58,6 +58,30 @@ def test_the_kernel_and_its_twin_walk_the_same_way(seed, components, reach, ampl
     np.testing.assert_allclose(states, twin, rtol=1e-7, atol=1e-9 * max(1.0, reach))
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    components=st.integers(1, 7),
+    reach=st.sampled_from([1e-3, 0.5, 1e3, 1e6]),
+)
+def test_at_the_largest_step_every_energy_still_falls_from_anywhere(seed, components, reach):
+    """Eye, place and rotation, each in the metric of its certificate; the arm's is a block for each."""
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, components)
+    state = random_states(rng, 1, reach)[0]
+    states, _ = kernel(model).roll_out(state, 1.0, model.largest_step, 200, NEVER)
+    arm = model.arm.lyapunov
+    for part, metric in (
+        (slice(0, 3), model.eye.lyapunov),
+        (slice(3, 6), arm[:3, :3]),
+        (slice(6, 9), arm[3:, 3:]),
+    ):
+        energy = ((states[:, part] @ metric) * states[:, part]).sum(axis=1)
+        assert (energy[1:] <= energy[:-1] * (1.0 + 1e-12)).all()
+    eye = ((states[:, :3] @ model.eye.lyapunov) * states[:, :3]).sum(axis=1)
+    assert (eye[1:] < eye[:-1]).all()
+
+
 def test_the_systems_in_the_kernel_are_those_that_the_certificates_are_about(rng):
     """One Euler step of each is what LpvDs.velocity says, with weights looked up at beta x."""
     model = random_model(rng)

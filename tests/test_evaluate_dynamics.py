@@ -12,6 +12,7 @@ from motorprime.bench.timing import QUICK
 from motorprime.control.cds import Goal, State, Tolerance
 from motorprime.control.coupling import Coupling
 from motorprime.errors import ArgumentError, StateError
+from motorprime.evaluate import stability
 from motorprime.evaluate.rollout import difference, evaluate_rollout
 from motorprime.evaluate.stability import _Batch, evaluate_stability
 from motorprime.kinematics import transform
@@ -92,6 +93,11 @@ def test_what_does_not_come_to_rest_in_its_time_is_not_counted():
     # The jump takes from the same time.
     late = evaluate_stability(simple(), starts=200, seconds=7.0)
     assert 0 < late["converged_after_jump"] < late["converged"] == 200
+
+
+def test_every_start_is_counted_in_whatever_batches(monkeypatch):
+    monkeypatch.setattr(stability, "_BATCH", 7)
+    assert evaluate_stability(simple(), starts=20)["converged"] == 20
 
 
 def test_a_seed_names_a_result():

@@ -112,6 +112,8 @@ class CoupledDynamics:
     def with_speed(self, factor: npt.ArrayLike) -> CoupledDynamics:
         """The same model, ``factor`` times as fast: one number, or one each for eye, arm and hand.
 
+        Of a faster model :attr:`largest_step` is smaller.
+
         Raises:
             ArgumentError: a factor that is not > 0.
         """

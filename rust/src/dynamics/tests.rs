@@ -65,6 +65,10 @@ fn the_arm_waits_for_the_eye() {
     // Exactly at its place, with the eye far.
     let turned = [0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.9];
     assert_close(&step(&simple(rates()), turned, 1.0)[3..9], &turned[3..9]);
+    // And with the eye so near that the arm is expected within the distance that counts as there.
+    let near = [0.002, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.9];
+    let gate = 1.0 - 0.8 * 0.002 * 0.1 / 0.001;
+    assert_close(&step(&simple(rates()), near, 1.0)[8..9], &[0.5 * (1.0 - 0.03 * gate)]);
 }
 
 #[test]
@@ -97,8 +101,69 @@ fn mixed_systems_weigh_their_matrices_by_where_beta_x_is() {
     }
 }
 
+/// Two components along the first axis, where matrices differ, and a turn that is not symmetric.
+fn mixed(d: usize) -> System {
+    let diagonal =
+        |value: f64| -> Vec<f64> { (0..9).map(|at| if at % 4 == 0 { value } else { 0.0 }).collect() };
+    let mixture = Gaussians {
+        weights: vec![0.4, 0.6],
+        means: vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+        covariances: [diagonal(0.25), diagonal(0.49)].concat(),
+    };
+    let mut matrices = vec![0.0; 2 * d * d];
+    for k in 0..2 {
+        for i in 0..d {
+            matrices[(k * d + i) * d + i] = -1.0 - 3.0 * k as f64;
+        }
+        for first in (0..d).step_by(3) {
+            matrices[(k * d + first) * d + first + 1] = 2.0;
+        }
+    }
+    System { mixture, matrices }
+}
+
+#[test]
+fn eye_and_arm_look_their_weights_up_where_they_see_themselves() {
+    let (eye, arm) = (mixed(3), mixed(6));
+    let rates = Rates { beta: [2.0, 0.5, 1.0], ..rates() };
+    let system = |eye: &System, arm: &System| {
+        CoupledSystem::new([eye, arm, &linear(&[5.0])], [&line(0.8, 0.0), &line(0.0, 0.9)], rates).unwrap()
+    };
+    let decay = |x: f64, y: f64| {
+        let first = 0.4 / 0.5_f64.powi(3) * (-0.5 * (x * x + y * y) / 0.25).exp();
+        let second = 0.6 / 0.7_f64.powi(3) * (-0.5 * ((x - 1.0) * (x - 1.0) + y * y) / 0.49).exp();
+        (first + 4.0 * second) / (first + second)
+    };
+    let state = [0.2, 0.1, 0.0, 0.5, 0.4, 0.0, 0.3, -0.2, 0.1, 0.9];
+    let found = step(&system(&eye, &arm), state, 1.0);
+    let (slope, dt) = (decay(0.4, 0.2), 0.02);
+    assert_close(&found[..2], &[0.2 + dt * (2.0 * 0.1 - slope * 0.2), 0.1 - dt * slope * 0.1]);
+    let rho = 0.8 * 0.05_f64.sqrt();
+    let seen = 0.5 * (1.0 - rho / 0.41_f64.sqrt());
+    let (slope, dt) = (decay(seen * 0.5, seen * 0.4), 0.01 * seen);
+    assert_close(&found[3..5], &[0.5 + dt * (2.0 * 0.4 - slope * 0.5), 0.4 - dt * slope * 0.4]);
+    assert_close(&found[6..8], &[0.3 + dt * (-2.0 * 0.2 - slope * 0.3), -0.2 + dt * slope * 0.2]);
+    assert_close(&found[8..9], &[0.1 - dt * slope * 0.1]);
+}
+
+#[test]
+fn expectations_stay_within_what_makes_sense() {
+    let system = |eye_arm: f64, arm_hand: f64| {
+        let systems = [linear(&[6.0; 3]), linear(&[2.0; 6]), linear(&[5.0])];
+        CoupledSystem::new(systems.each_ref(), [&line(eye_arm, 0.0), &line(0.0, arm_hand)], rates()).unwrap()
+    };
+    let state = [0.4, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5];
+    // Expected nearer than the goal: the arm is free. Expected beyond fully open, or behind closed.
+    assert_close(&step(&system(-1.0, 3.0), state, 1.0)[3..4], &[0.2 * 0.98]);
+    assert_close(&step(&system(-1.0, 3.0), state, 1.0)[9..], &[0.5 + 0.05 * 0.5]);
+    assert_close(&step(&system(-1.0, -3.0), state, 1.0)[9..], &[0.5 * 0.95]);
+}
+
 #[test]
 fn a_turn_past_half_a_turn_goes_the_short_way() {
+    let past = [0.0, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0, 4.0, 0.0, 0.5];
+    let found = step(&simple(rates()), past, 1.0);
+    assert_close(&found[6..9], &[0.0, 4.0 * 0.97 - 2.0 * std::f64::consts::PI, 0.0]);
     let angle = 2.0 * std::f64::consts::PI - 0.5;
     let found = short_way([0.0, angle * 0.6, angle * 0.8]);
     assert_close(&found, &[0.0, -0.3, -0.4]);
@@ -120,9 +185,21 @@ fn a_movement_ends_where_everything_is_within_its_tolerance() {
     assert_eq!(path.len(), 1);
     for i in [0, 3, 6, 9] {
         let mut off = [0.0; 10];
-        off[i] = 0.018;
+        off[i] = -0.018;
         assert!(!system.roll_out(&off, 1.0, 0.01, 0, &NEAR, &mut path).unwrap());
     }
+}
+
+#[test]
+fn a_movement_has_the_same_bits_on_every_machine() {
+    let systems = [mixed(3), mixed(6), linear(&[5.0])];
+    let couplings = [line(0.8, 0.0), line(0.1, 0.8)];
+    let system = CoupledSystem::new(systems.each_ref(), couplings.each_ref(), rates()).unwrap();
+    let start = [0.3, -0.2, 0.1, 0.4, 0.3, -0.2, 2.0, -1.0, 0.5, 0.3];
+    let mut path = Vec::new();
+    system.roll_out(&start, 1.0, 0.01, 200, &NEVER, &mut path).unwrap();
+    let bits = path.iter().flatten().fold(0_u64, |hash, x| hash.rotate_left(5) ^ x.to_bits());
+    assert_eq!(format!("{bits:016x}"), "d0d24890ad6b3c04");
 }
 
 #[test]
