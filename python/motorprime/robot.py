@@ -208,7 +208,7 @@ _ICUB_HAND = Hand(
         # The thumb stands opposed before it comes near: swung round beside a glass, it would push it away.
         "open": _shape(0, 75, 0, 0, 5, 20, 5, 20, 15),
         # Proximal joints squeeze; the distal ones hold the finger's bow, or it would roll up on itself.
-        "grasp": _shape(0, 75, 0, 30, 14, 60, 18, 60, 100),
+        "grasp": _shape(0, 75, 0, 20, 21, 60, 25, 60, 78),
         "closed": _shape(0, 75, 15, 60, 45, 60, 45, 60, 120),
         # Fingers straight and the thumb along the index finger's side: a hand as thin as the palm.
         "passing": _shape(0, 0, 75, 10, 0, 0, 0, 0, 0),

@@ -39,7 +39,7 @@ class SideGrasp:
 
     along: float = -0.006
     gap: float = 0.011
-    above: float = 0.008
+    above: float = 0.010
     retreat: float = 0.08
     lift: float = 0.06
     azimuths: tuple[float, ...] = tuple(float(a) for a in np.deg2rad(np.arange(-20.0, 91.0, 10.0)))

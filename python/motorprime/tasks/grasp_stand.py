@@ -206,7 +206,8 @@ class GraspStand:
     def _follow(self, poses: Sequence[Floats], start: Floats) -> Floats:
         angles = [start]
         for pose in poses:
-            angles.append(self.solver.solve(pose, angles[-1], hold=angles[-1], restarts=0).angles)
+            # As near as the arm comes: so does a controller that follows a palm which is a little off.
+            angles.append(self.solver.nearest(pose, angles[-1], hold=angles[-1], restarts=0).angles)
         return np.array(angles[1:])
 
     def _travel(
