@@ -36,8 +36,9 @@ def _rollout(
 
     rust_us is the public call CoupledDynamics.roll_out with its changes of frames, kernel_us the kernel
     alone, numpy_us the same movement in plain NumPy with everything prepared that can be: medians of calls in
-    turn, in microseconds. ratio is numpy_us over rust_us, kernel_ratio over kernel_us. max_difference is the
-    largest distance of the two movements, as a part of how far each of eye, place, rotation and hand was.
+    turn, in microseconds of processor time. ratio is numpy_us over rust_us, kernel_ratio over kernel_us.
+    max_difference is the largest distance of the two movements, as a part of how far each of eye, place,
+    rotation and hand was.
     """
     from ..evaluate.common import Progress, check_writable
     from ..evaluate.rollout import evaluate_rollout
