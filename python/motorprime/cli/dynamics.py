@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .options import JsonFile, Seed, err, out
+from .measuring import show, writable
+from .options import JsonFile, Seed, err
 
 if TYPE_CHECKING:
     from ..control.cds import CoupledDynamics
@@ -40,14 +41,11 @@ def _rollout(
     max_difference is the largest distance of the two movements, as a part of how far each of eye, place,
     rotation and hand was.
     """
-    from ..evaluate.common import Progress, check_writable
+    from ..evaluate.common import Progress
     from ..evaluate.rollout import evaluate_rollout
 
-    if json_file is not None:
-        check_writable(json_file)
-    _show(
-        "rollout", evaluate_rollout(_load(model), steps=steps, seed=seed, progress=Progress(err)), json_file
-    )
+    writable(json=json_file)
+    show("rollout", evaluate_rollout(_load(model), steps=steps, seed=seed, progress=Progress(err)), json_file)
 
 
 def _stability(
@@ -69,13 +67,12 @@ def _stability(
     far_finite counts those without NaN or infinity, far_nearer those whose eye and arm have come nearer in
     the metric of their certificates.
     """
-    from ..evaluate.common import Progress, check_writable
+    from ..evaluate.common import Progress
     from ..evaluate.stability import evaluate_stability
 
-    if json_file is not None:
-        check_writable(json_file)
+    writable(json=json_file)
     result = evaluate_stability(_load(model), starts=starts, seed=seed, progress=Progress(err))
-    _show("stability", result, json_file)
+    show("stability", result, json_file)
 
 
 def _load(path: Path | None) -> CoupledDynamics:
@@ -83,12 +80,3 @@ def _load(path: Path | None) -> CoupledDynamics:
     from ..shipped import coupled_dynamics
 
     return coupled_dynamics() if path is None else CoupledDynamics.load(path)
-
-
-def _show(name: str, result: dict[str, Any], json_file: Path | None) -> None:
-    from ..evaluate.common import table, write_json
-
-    out.print(table(f"evaluate {name}", result))
-    if json_file is not None:
-        write_json(json_file, result)
-        err.print(f"wrote {json_file}", markup=False, highlight=False, soft_wrap=True)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from . import dynamics, dynamics_learning, grasping, ik
-from .options import JsonFile, Seed, err, out
+from . import dynamics, dynamics_learning, ik, moving
+from .measuring import measure, show, writable, wrote
+from .options import JsonFile, Seed, err
 
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
-for part in (dynamics, dynamics_learning, grasping, ik):
+for part in (moving, dynamics, dynamics_learning, ik):
     part.register(evaluate)
 
 
@@ -25,7 +25,7 @@ def _projection(
     """Rendered balls: segmented centroid against the projected outline's centre, in pixels."""
     from ..evaluate.projection import evaluate_projection
 
-    _measure("projection", evaluate_projection, json_file, poses=poses, seed=seed)
+    measure("projection", evaluate_projection, json_file, poses=poses, seed=seed)
 
 
 @evaluate.command("search", short_help="Cycles to find the glass: primed, anywhere, full scan.")
@@ -37,7 +37,7 @@ def _search(
     """Cycles to find the glass: peripersonal windows, windows anywhere, and one full scan."""
     from ..evaluate.search import evaluate_search
 
-    _measure("search", evaluate_search, json_file, scenes=scenes, seed=seed)
+    measure("search", evaluate_search, json_file, scenes=scenes, seed=seed)
 
 
 @evaluate.command("reach", short_help="How often the palm ends before the glass.")
@@ -49,7 +49,7 @@ def _reach(
     """How often the palm ends within 1 cm of the true pre-grasp point."""
     from ..evaluate.reach import evaluate_reach
 
-    _measure("reach", evaluate_reach, json_file, trials=trials, seed=seed)
+    measure("reach", evaluate_reach, json_file, trials=trials, seed=seed)
 
 
 @evaluate.command("maps", short_help="Learned projections: errors, speed, adapting to other robots.")
@@ -73,26 +73,21 @@ def _maps(
     robots that do not match the model and adapts every kind of projection to each by 100 samples; times the
     projection of 50 points and the training beside their peers.
     """
-    from ..evaluate.common import Progress, check_writable, table, write_json
+    from ..evaluate.common import Progress
     from ..evaluate.maps import QUICK, evaluate_maps, report_maps
     from ..report.sheet import check_report
     from ..sim.icub import load_icub
 
     if report is not None:
         check_report(report)
-    for path, option in ((json_file, "json"), (report, "report")):
-        if path is not None:
-            check_writable(path, option)
+    writable(json=json_file, report=report)
     maps = evaluate_maps(
         load_icub(), seed=seed, data=data, size=QUICK if quick else None, progress=Progress(err)
     )
-    out.print(table("evaluate maps", maps.figures))
+    show("maps", maps.figures, json_file)
     if report is not None:
         report_maps(maps, report)
-        err.print(f"Report: {report}", markup=False, highlight=False, soft_wrap=True)
-    if json_file is not None:
-        write_json(json_file, maps.figures)
-        err.print(f"wrote {json_file}", markup=False, highlight=False, soft_wrap=True)
+        wrote(report, "Report:")
 
 
 @evaluate.command("recording", short_help="A recorded iCub: its thumb predicted from its joints.")
@@ -113,7 +108,7 @@ def _recording(
 
     PATH holds the streams head, rightArm, images/left and images/right, each with its data.log.
     """
-    from ..evaluate.common import Progress, check_writable, table, write_json
+    from ..evaluate.common import Progress
     from ..evaluate.recording import evaluate_recording
     from ..sim.icub import load_icub
 
@@ -123,31 +118,11 @@ def _recording(
         if picture.suffix not in (".png", ".svg"):
             raise typer.BadParameter(f"'{picture}' is no .png or .svg", param_hint="--picture")
         check_plots()
-    for file, option in ((json_file, "json"), (picture, "picture")):
-        if file is not None:
-            check_writable(file, option)
+    writable(json=json_file, picture=picture)
     measured = evaluate_recording(load_icub(), path, seed=seed, progress=Progress(err))
-    out.print(table("evaluate recording", measured.figures))
+    show("recording", measured.figures, json_file)
     if picture is not None:
         from ..evaluate.recording_picture import draw_recording
 
         draw_recording(measured, picture)
-        err.print(f"wrote {picture}", markup=False, highlight=False, soft_wrap=True)
-    if json_file is not None:
-        write_json(json_file, measured.figures)
-        err.print(f"wrote {json_file}", markup=False, highlight=False, soft_wrap=True)
-
-
-def _measure(
-    name: str, evaluation: Callable[..., dict[str, Any]], json_file: Path | None, **options: Any
-) -> None:
-    from ..evaluate.common import Progress, check_writable, table, write_json
-    from ..sim.icub import load_icub
-
-    if json_file is not None:
-        check_writable(json_file)  # now, not after an hour of measuring
-    result = evaluation(load_icub(), progress=Progress(err), **options)
-    out.print(table(f"evaluate {name}", {k: v for k, v in result.items() if k != "details"}))
-    if json_file is not None:
-        write_json(json_file, result)
-        err.print(f"wrote {json_file}", markup=False, highlight=False, soft_wrap=True)
+        wrote(picture)

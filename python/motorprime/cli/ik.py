@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from .options import JsonFile, Seed, err, out
+from .measuring import measure, show, writable, wrote
+from .options import JsonFile, Seed, err
 
 
 def register(evaluate: typer.Typer) -> None:
@@ -31,9 +32,8 @@ def _ik(
     second, no joint faster than 1 rad/s.
     """
     from ..evaluate.ik import evaluate_ik
-    from .evaluating import _measure
 
-    _measure("ik", evaluate_ik, json_file, poses=poses, seed=seed)
+    measure("ik", evaluate_ik, json_file, poses=poses, seed=seed)
 
 
 def _elbow(
@@ -51,18 +51,13 @@ def _elbow(
     were left out. Under the kind of poses and the preference's weight: "solved", how far the robot's swivel
     is off the person's ("off_deg", "p90_off_deg"), joints at their stops and discomfort.
     """
-    from ..evaluate.common import Progress, check_writable, table, write_json
+    from ..evaluate.common import Progress
     from ..evaluate.elbow import evaluate_elbow
     from ..sim.icub import load_icub
 
-    for file, option in ((json_file, "json"), (save, "out")):
-        if file is not None:
-            check_writable(file, option)
+    writable(json=json_file, out=save)
     figures, swivel = evaluate_elbow(load_icub(), path, poses=poses, seed=seed, progress=Progress(err))
-    out.print(table("evaluate elbow", figures))
+    show("elbow", figures, json_file)
     if save is not None:
         swivel.save(save)
-        err.print(f"wrote {save}", markup=False, highlight=False, soft_wrap=True)
-    if json_file is not None:
-        write_json(json_file, figures)
-        err.print(f"wrote {json_file}", markup=False, highlight=False, soft_wrap=True)
+        wrote(save)
