@@ -19,18 +19,19 @@ from ..errors import StateError, UnreachableError
 from .cds import CoupledDynamics
 from .gaze import fixate
 from .motion import Motion
-from .movement import Goal, State
+from .movement import State
 from .pose import PoseSolver
 
 JOINT_SPEED = 2.0
 """Of the fastest joint of torso and arm [rad/s]."""
-ADRIFT = 0.005
-"""When the arm stays so far [m] behind the plan, because of limits or of what it keeps off, the plan goes on
-from where the arm is."""
+LEAD = 0.05
+"""So far [m] the plan may run ahead of an arm that its limits, or what it keeps off, hold back."""
 THINNING = 0.6  # time in which the hand becomes slim, or itself again [s]
 STRIDE, TURN = 0.03, 0.25  # of the palm [m] and [rad], after which the arm is tried again in a rehearsal
-AWRY = 0.015  # so far off [m] the arm may be on the way
-LEAP = 0.9  # between two tries no joint turns farther [rad]
+AWRY = 0.05  # so far off [m] the palm may be on the way: what matters there is what the arm keeps off,
+GRAZE = 0.01  # its margins but for so much [m],
+CLOSE = 0.005  # and that the palm gets there in the end [m]
+LEAP = 1.5  # between two tries no joint turns farther [rad]
 
 
 class Controller:
@@ -55,7 +56,13 @@ class Controller:
         self.state: State | None = None
         self.angles: Floats = arm.rest
         self.slim = 0.0
+        self._rehearsed: tuple[Floats, Floats] | None = None
         self.gaze: Floats = self.robot.resting(self.robot.gaze)
+
+    @property
+    def palm(self) -> Floats:
+        """The palm's pose (4, 4) as commanded; the plan may be ahead of it."""
+        return self.arm.palm(self.angles)
 
     def begin(
         self, angles: npt.ArrayLike, gaze: npt.ArrayLike, fixation: npt.ArrayLike, opening: float
@@ -70,17 +77,17 @@ class Controller:
         """
         self.angles = fixed("angles", angles, (len(self.arm.names),))
         self.gaze = self.robot.gaze_posture(gaze)
+        self._rehearsed = None
         self.state = State(fixed("fixation", fixation, (3,)), self.arm.palm(self.angles), opening)
 
     def advance(
-        self, motion: Motion, seconds: float, *, hold: npt.ArrayLike | None = None, steps: int = 4
+        self, motion: Motion, seconds: float, *, steps: int = 4
     ) -> tuple[Motion, list[dict[str, float]]]:
         """What to command during the next ``seconds``.
 
         Args:
             motion: towards its first goal; via-points that are passed are dropped.
             seconds: how far to go on.
-            hold: angles (n,) [rad] that are preferred where the palm's pose leaves a choice.
             steps: commands in that time, evenly spread.
 
         Returns:
@@ -93,10 +100,10 @@ class Controller:
         parts = math.ceil(period / self.dynamics.largest_step - 1e-9)
         commands: list[dict[str, float]] = []
         for _ in range(steps):
-            motion = motion.advance(self._state())
+            motion = motion.advance(self.palm)
             for _ in range(parts):
                 self.state = self.dynamics.step(self._state(), motion.legs[0].goal, period / parts)
-            self._follow(self.arm if len(motion.legs) == 1 else self.careful, period, hold)
+            self._follow(self.arm if len(motion.legs) == 1 else self.careful, period)
             commands.append(dict(zip(self.arm.names, map(float, self.angles), strict=True)))
             if self.robot.hand is not None:
                 change = period / THINNING
@@ -119,35 +126,57 @@ class Controller:
             between = goal.copy()
             between[:3, 3] = begun[:3, 3] + k / steps * (goal[:3, 3] - begun[:3, 3])
             self.state = replace(self._state(), palm=between)
-            self._follow(self.arm, period, None)
+            self._follow(self.arm, period)
             commands.append(dict(zip(self.arm.names, map(float, self.angles), strict=True)))
         self._turn_eyes(commands)
         return commands
 
     def rehearse(self, motion: Motion, *, hold: npt.ArrayLike | None = None) -> bool:
-        """Whether the arm can do a motion from where it is, keeping off what it shall, without a leap."""
+        """Whether the arm can do a motion from where it is, keeping off what it shall, without a leap.
+
+        If so, it is remembered, and :meth:`advance` prefers the rehearsed postures on the way.
+        """
         palms = motion.simulated.palms
-        angles = self.angles
-        for k in _milestones(palms):
+        angles, off = self.angles, np.inf
+        marks, postures = _milestones(palms), []
+        for k in marks:
             arm = self.careful if k < motion.begins[-1] else self.arm
             found = arm.nearest(palms[k], angles, hold=hold, restarts=0)
-            leap = float(np.abs(found.angles - angles).max())
-            if found.position_error > AWRY or found.depth > AWRY or leap > LEAP:
+            leap, off = float(np.abs(found.angles - angles).max()), found.position_error
+            if off > AWRY or found.depth > GRAZE or leap > LEAP:
                 return False
             angles = found.angles
+            postures.append(angles)
+        if off > CLOSE:
+            return False
+        self._rehearsed = palms[marks], np.array(postures)
         return True
+
+    def _preferred(self) -> Floats | None:
+        """The rehearsed posture for what comes next; None where nothing has been rehearsed."""
+        if self._rehearsed is None:
+            return None
+        palms, postures = self._rehearsed
+        here = self._state().palm
+        away = np.linalg.norm(palms[:, :3, 3] - here[:3, 3], axis=1) / STRIDE
+        cosines = (np.einsum("nij,ij->n", palms[:, :3, :3], here[:3, :3]) - 1.0) / 2.0
+        nearest = int(np.argmin(away + np.arccos(np.clip(cosines, -1.0, 1.0)) / TURN))
+        preferred: Floats = postures[min(nearest + 1, len(postures) - 1)]
+        return preferred
 
     def _state(self) -> State:
         if self.state is None:
             raise StateError("controller: call begin() with the robot's posture first")
         return self.state
 
-    def _follow(self, arm: PoseSolver, period: float, hold: npt.ArrayLike | None) -> None:
+    def _follow(self, arm: PoseSolver, period: float) -> None:
         state = self._state()
-        found = arm.follow(state.palm, self.angles, step=JOINT_SPEED * period, hold=hold)
+        found = arm.follow(state.palm, self.angles, step=JOINT_SPEED * period, hold=self._preferred())
         self.angles = found.angles
-        if found.position_error > ADRIFT:
-            self.state = replace(state, palm=self.arm.palm(self.angles))
+        if found.position_error > LEAD:
+            palm, there = state.palm.copy(), self.arm.palm(self.angles)
+            palm[:3, 3] = there[:3, 3] + LEAD / found.position_error * (palm[:3, 3] - there[:3, 3])
+            self.state = replace(state, palm=palm)
 
     def _turn_eyes(self, commands: list[dict[str, float]]) -> None:
         """Add neck and eyes to commands, evenly on their way to the fixation point at the end of them."""
@@ -170,10 +199,3 @@ def _milestones(palms: Floats) -> NDArray[np.intp]:
     gone = np.cumsum([0.0, *(steps + np.arccos(np.clip(cosines, -1.0, 1.0)) / TURN)])
     marks = np.linspace(0.0, gone[-1], max(2, int(np.ceil(gone[-1])) + 1))
     return np.unique(np.minimum(np.searchsorted(gone, marks), len(palms) - 1))
-
-
-def hold_between(first: Floats, last: Floats, goal: Goal, state: State, whole: float) -> Floats:
-    """From posture ``first`` to ``last`` (n,), by how much of the ``whole`` way [m] is behind the palm."""
-    left = float(np.linalg.norm(state.palm[:3, 3] - goal.palm[:3, 3]))
-    share = 1.0 - min(1.0, left / max(whole, 1e-6))
-    return first + share * (last - first)

@@ -63,10 +63,10 @@ class Motion:
         """Where it leads in the end."""
         return self.legs[-1].goal
 
-    def advance(self, state: State) -> Motion:
-        """What is left of it when the palm is there: without legs that are done."""
+    def advance(self, palm: Floats) -> Motion:
+        """What is left of it when the palm is at a pose (4, 4): without legs that are done."""
         legs, begins = self.legs, self.begins
-        while len(legs) > 1 and legs[0].done(state.palm[None])[0]:
+        while len(legs) > 1 and legs[0].done(palm[None])[0]:
             legs, begins = legs[1:], begins[1:]
         return self if len(legs) == len(self.legs) else replace(self, legs=legs, begins=begins)
 

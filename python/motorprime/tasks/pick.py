@@ -16,7 +16,7 @@ from .._arrays import Floats
 from ..attention import Attention
 from ..control.cds import CoupledDynamics
 from ..control.clearance import Obstacle
-from ..control.controller import Controller, hold_between
+from ..control.controller import Controller
 from ..control.gaze import fixate
 from ..control.grasping import Grasp, choose_grasp
 from ..control.motion import Leg, Motion, simulate
@@ -95,8 +95,8 @@ class Pick(Seeker):
         self.controller = Controller(dynamics, PoseSolver(body.robot, bench))
         self.grasp: Grasp | None = None
         self.motion: Motion | None = None
-        self._chosen_for = self._first = np.zeros(0)
-        self._whole, self._opening = 0.0, self.hand.widest
+        self._chosen_for = np.zeros(3)
+        self._opening = self.hand.widest
         self._avoided: list[Obstacle] = []
         self._wide_until, self._unseen, self._stale = -np.inf, 0, False
 
@@ -143,7 +143,6 @@ class Pick(Seeker):
 
     def _begin(self, fixation: Floats) -> None:
         self.controller.begin(self._angles(), self.body.read(self.body.robot.gaze), fixation, self._opening)
-        self._first = self.controller.angles
 
     def _survey(self) -> Iterator[Cycle]:
         """Look along the way that the hand would take: what is on it?"""
@@ -169,8 +168,6 @@ class Pick(Seeker):
         assert self.grasp is not None and self.controller.state is not None
         self._avoid()
         legs = self._legs()
-        self._whole = float(np.linalg.norm(self.controller.state.palm[:3, 3] - legs[-1].goal.palm[:3, 3]))
-        self._first = self.controller.angles
         last = self.grasp.grasp.angles
         self.motion = plan_motion(
             self.controller.dynamics,
@@ -259,23 +256,20 @@ class Pick(Seeker):
 
     def _left(self) -> float:
         """Distance [m] of the commanded palm from the grasp."""
-        assert self.motion is not None and self.controller.state is not None
-        return float(np.linalg.norm(self.controller.state.palm[:3, 3] - self.motion.goal.palm[:3, 3]))
+        assert self.motion is not None
+        return float(np.linalg.norm(self.controller.palm[:3, 3] - self.motion.goal.palm[:3, 3]))
 
     def _there(self) -> bool:
-        assert self.motion is not None and self.controller.state is not None
+        assert self.motion is not None
         if len(self.motion.legs) > 1 or self._left() > ARRIVED:
             return False
-        turned = self.controller.state.palm[:3, :3].T @ self.motion.goal.palm[:3, :3]
+        turned = self.controller.palm[:3, :3].T @ self.motion.goal.palm[:3, :3]
         return bool(np.trace(turned) > 1.0 + 2.0 * np.cos(TURNED))
 
     def _advance(self, seconds: float) -> None:
         """Command the next moments: eyes, arm and hand, each by its dynamics."""
-        assert self.motion is not None and self.controller.state is not None and self.grasp is not None
-        hold = hold_between(
-            self._first, self.grasp.grasp.angles, self.motion.goal, self.controller.state, self._whole
-        )
-        self.motion, commands = self.controller.advance(self.motion, seconds, hold=hold)
+        assert self.motion is not None
+        self.motion, commands = self.controller.advance(self.motion, seconds)
         self._carry_out(commands, seconds)
 
     def _carry_out(self, commands: Sequence[Mapping[str, float]], seconds: float) -> None:
