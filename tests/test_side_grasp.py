@@ -79,3 +79,18 @@ def test_a_pose_that_is_no_rigid_motion_is_named():
     for move in (SIDE_GRASP.pregrasp, SIDE_GRASP.lifted):
         with pytest.raises(ArgumentError, match="pose"):
             move(np.zeros((4, 4)))
+
+
+def test_the_hand_keeps_room_for_the_glass_until_the_palm_has_arrived():
+    grasp = SideGrasp(roomy=0.6, arrived=0.005)
+    assert [grasp.opening(wanted, 0.02) for wanted in (1.0, 0.7, 0.3, -0.5)] == [1.0, 0.7, 0.6, 0.6]
+    assert [grasp.opening(wanted, 0.005) for wanted in (1.0, 0.3, -0.5)] == [1.0, 0.3, -0.5]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "distance", "named"),
+    [(np.nan, 0.0, "wanted"), (0.5, np.nan, "distance"), (0.5, -0.01, "distance")],
+)
+def test_an_opening_or_a_distance_that_is_none_is_named(wanted, distance, named):
+    with pytest.raises(ArgumentError, match=named):
+        SIDE_GRASP.opening(wanted, distance)

@@ -92,12 +92,13 @@ def test_a_motor_yields_to_more_than_its_torque_and_applies_no_more(world):
 def test_a_joint_pressed_against_its_limit_stays_there(world):
     """A force on the far end of the thumb bends it back; what its motor lacks, the stop gives."""
     joint = "r_thumb_proximal_joint"
+    world.place(world.robot.hand.shape("open"))
     world.command(world.robot.hand.shape("open"))
-    world.step(120)
-    for _ in range(240):
-        push(world, "r_thumb_distal", -15.0 * world.palm_pose()[:3, 0])
+    world.step(30)
+    for _ in range(60):
+        push(world, "r_thumb_distal", -25.0 * world.palm_pose()[:3, 0])
         world.step()
-    assert world.angle(joint) == pytest.approx(0.0, abs=np.deg2rad(1.5))
+    assert world.angle(joint) == pytest.approx(0.0, abs=np.deg2rad(0.5))
 
 
 def test_every_surface_rubs_as_it_may_and_nothing_resists_rolling(world, standing):
@@ -151,6 +152,15 @@ def test_contacts_name_link_place_force_and_side(world, standing):
         # pybullet limits either direction along the surface by itself
         assert contact.friction <= np.sqrt(2.0) * FRICTION**2 * contact.pressure + 1e-6
         assert contact.depth > -0.002
+
+
+def test_a_contact_s_depth_is_how_far_the_two_are_inside_each_other(world, standing):
+    """Centred on the palm's, which is some centimetres across, the glass is deep inside it."""
+    x, y, z = world.link_pose("r_hand")[:3, 3]
+    world.put(standing.body, (x, y, z))
+    world.bullet.performCollisionDetection()
+    depths = [contact.depth for contact in world.contacts(standing.body) if contact.link == "r_hand"]
+    assert max(depths) > 0.01
 
 
 def test_glasses_are_drawn_within_their_limits_and_all_over_them():

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .._arrays import Floats, finite, fixed, numbers, positive, rigid
+from .._arrays import Floats, finite, fixed, not_negative, numbers, positive, rigid
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,8 @@ class SideGrasp:
         retreat: from the grasp back to the pre-grasp, along the facing: the way on which thumb and fingers,
             which point along it and across it, pass the glass on its sides.
         lift: how far the glass is lifted.
+        roomy: least opening of the hand that lets a glass of any size in; see :meth:`opening`.
+        arrived: distance of the palm from the grasp within which the hand may close.
         azimuths: the sides [rad] from which the iCub's arm reaches the table before it.
     """
 
@@ -42,10 +44,12 @@ class SideGrasp:
     above: float = 0.010
     retreat: float = 0.08
     lift: float = 0.06
+    roomy: float = 0.6
+    arrived: float = 0.005
     azimuths: tuple[float, ...] = tuple(float(a) for a in np.deg2rad(np.arange(-20.0, 91.0, 10.0)))
 
     def __post_init__(self) -> None:
-        for name in ("along", "gap", "above", "lift"):
+        for name in ("along", "gap", "above", "lift", "roomy", "arrived"):
             fixed(name, getattr(self, name), ())
         positive("retreat", self.retreat)
         finite("azimuths", numbers("azimuths", self.azimuths))
@@ -74,6 +78,19 @@ class SideGrasp:
         back: Floats = rigid("pose", pose).copy()
         back[:3, 3] -= float(fixed("share", share, ())) * self.retreat * back[:3, 2]
         return back
+
+    def opening(self, wanted: float, distance: float) -> float:
+        """The opening nearest to a wanted one that pushes no glass away: roomy until the palm has arrived.
+
+        People close the hand on the way, and so does a hand that learned from them. This hand is small: one
+        that is half closed meets a wide glass with its fingertips, and now and then does not take it.
+
+        Args:
+            wanted: opening of the hand, as of :meth:`.hand.Hand.targets`.
+            distance: of the palm from the grasp [m].
+        """
+        wanted = float(fixed("wanted", wanted, ()))
+        return wanted if not_negative("distance", distance) <= self.arrived else max(wanted, self.roomy)
 
     def lifted(self, pose: npt.ArrayLike, share: float = 1.0) -> Floats:
         """The palm's pose (4, 4), ``share`` of the lift straight above a grasp's (4, 4)."""
