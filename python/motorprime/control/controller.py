@@ -21,6 +21,7 @@ from .gaze import fixate
 from .motion import Motion
 from .movement import State
 from .pose import PoseSolver
+from .side_grasp import SIDE_GRASP, SideGrasp
 
 JOINT_SPEED = 2.0
 """Of the fastest joint of torso and arm [rad/s]."""
@@ -40,6 +41,7 @@ class Controller:
     Args:
         dynamics: of eye, arm and hand.
         arm: inverse kinematics, with the work surface and whatever else the arm keeps off.
+        grasp: says how far the hand may be closed at a distance from its goal.
 
     Attributes:
         careful: inverse kinematics for all legs of a motion but the last, on which the target, too, must not
@@ -50,9 +52,11 @@ class Controller:
         gaze: of torso, neck and eyes (len(robot.gaze),) [rad], as commanded.
     """
 
-    def __init__(self, dynamics: CoupledDynamics, arm: PoseSolver) -> None:
+    def __init__(
+        self, dynamics: CoupledDynamics, arm: PoseSolver, grasp: SideGrasp = SIDE_GRASP
+    ) -> None:
         self.dynamics, self.arm, self.careful = dynamics, arm, arm
-        self.robot = arm.robot
+        self.grasp, self.robot = grasp, arm.robot
         self.state: State | None = None
         self.angles: Floats = arm.rest
         self.slim = 0.0
@@ -108,7 +112,8 @@ class Controller:
             if self.robot.hand is not None:
                 change = period / THINNING
                 self.slim += float(np.clip(motion.legs[0].slim - self.slim, -change, change))
-                commands[-1] |= self.robot.hand.targets(self._state().opening, slim=self.slim)
+                opening = self.grasp.opening(self._state().opening, self._away(motion))
+                commands[-1] |= self.robot.hand.targets(opening, slim=self.slim)
         self._turn_eyes(commands)
         return motion, commands
 
@@ -163,6 +168,10 @@ class Controller:
         nearest = int(np.argmin(away + np.arccos(np.clip(cosines, -1.0, 1.0)) / TURN))
         preferred: Floats = postures[min(nearest + 1, len(postures) - 1)]
         return preferred
+
+    def _away(self, motion: Motion) -> float:
+        """Distance [m] of the palm from the end of a motion."""
+        return float(np.linalg.norm(self.palm[:3, 3] - motion.goal.palm[:3, 3]))
 
     def _state(self) -> State:
         if self.state is None:

@@ -77,14 +77,12 @@ class Mixture:
 def positive_definite(name: str, value: npt.ArrayLike) -> Floats:
     """Return a matrix, or raise an :class:`ArgumentError` where it is not symmetric and positive definite."""
     matrix = numbers(name, value)
-    scale = np.abs(matrix).max()
-    if not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-9 * scale):
+    if not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-9 * np.abs(matrix).max()):
         raise ArgumentError(f"{name}: expected a symmetric matrix, got {matrix.tolist()}")
-    lowest = float(np.linalg.eigvalsh(matrix)[0])
-    if lowest <= 1e-13 * scale:  # singular but for rounding
-        raise ArgumentError(
-            f"{name}: expected a positive definite matrix, its lowest eigenvalue is {lowest:.3g}"
-        )
+    spread = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    lowest = float(np.linalg.eigvalsh(matrix / np.outer(spread, spread))[0])  # whatever the units
+    if (np.diag(matrix) <= 0.0).any() or lowest <= 1e-13:  # singular but for rounding
+        raise ArgumentError(f"{name}: expected a positive definite matrix, got {matrix.tolist()}")
     return matrix
 
 

@@ -12,8 +12,7 @@ from .._arrays import Floats, generator, integer
 from ..control.demonstrations import Demonstration, read_demonstrations
 from ..control.lpvds import LpvDs
 from ..errors import ArgumentError
-from ..learning.movements import DECAYS, arm_places, palm_movement
-from ..learning.stable import fit_lpvds
+from ..learning.movements import arm_places, fit_arm, palm_movement
 from ..recordings.motion_capture import read_motion_capture
 from ..recordings.reaches import find_reaches
 from .common import Progress
@@ -65,7 +64,7 @@ def evaluate_demonstrations(
     for fold in progress.over(range(folds), "folds"):
         left_out = set(order[fold::folds].tolist())
         shown = [one for k, one in enumerate(movements) if k not in left_out]
-        ds = fit_lpvds(shown, step=STEP, decay=DECAYS["arm"], seed=draws)
+        ds = fit_arm(shown, step=STEP, seed=draws)
         tested = [measure(ds, movements[k]) for k in sorted(left_out)]
         figures += tested
         details.append(

@@ -6,19 +6,22 @@ minimum-jerk saccade to the target that lands before the hand sets off by the pu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from .._arrays import Floats, generator
 from ..control.cds import CoupledDynamics
 from ..control.demonstrations import Demonstration, stacked
+from ..control.lpvds import LpvDs
 from ..control.path import minimum_jerk
 from ..errors import ArgumentError
 from ..recordings.reaches import Reach
 from ..rotations import rotation_vectors
 from .couplings import fit_coupling
+from .mixtures import COMPONENTS
 from .stable import fit_lpvds
 
 LEAD = 0.188
@@ -33,8 +36,10 @@ PERIOD = 0.002
 """Between two samples of a synthetic saccade [s]: some last 40 ms."""
 CLOSING = 0.9
 """The hand's closing begins where the opening is last this share of the reach's widest."""
-DECAYS = {"eye": 2.0, "arm": 0.5, "hand": 1.0}
-"""Least certified rates [1/s]: no part may take for ever."""
+DECAYS = {"eye": 2.0, "arm": 0.3, "hand": 1.0}
+"""Least certified rates [1/s]: no part may take for ever. More forbids the slow end of a reach."""
+REGULARISATION = 0.025
+"""Of the arm's mixture, see :func:`fit_mixture`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +64,8 @@ def learn_cds(
     *,
     near: float = 0.02,
     step: float = 0.01,
+    components: Iterable[int] = COMPONENTS,
+    n_init: int = 3,
     seed: int | np.random.Generator | None = None,
 ) -> CoupledDynamics:
     """The coupled dynamical systems of these reaches.
@@ -68,6 +75,8 @@ def learn_cds(
         near: distance [m] below which eye and palm count as there, see :class:`Coupling`. Below it the hand
             closes whatever the demonstrations did.
         step: the largest Euler step [s] that is to be certified.
+        components: numbers of components to try for the arm.
+        n_init: starts of the arm's mixture.
         seed: draws where synthetic gazes begin, and the starts of the mixtures.
 
     Raises:
@@ -78,7 +87,7 @@ def learn_cds(
     draws = generator(seed)
     shown = as_shown(reaches, seed=draws)
     eye = fit_lpvds(shown.eyes, step=step, decay=DECAYS["eye"], components=(1,), seed=draws)
-    arm = fit_lpvds(shown.arms, blocks=(3, 3), step=step, decay=DECAYS["arm"], seed=draws)
+    arm = fit_arm(shown.arms, blocks=(3, 3), step=step, components=components, n_init=n_init, seed=draws)
     hand = fit_lpvds(
         shown.hands, step=step, decay=DECAYS["hand"], components=range(1, 6), method="identity", seed=draws
     )
@@ -89,12 +98,37 @@ def learn_cds(
     eye_arm = fit_coupling(
         np.concatenate(psi), np.concatenate(waiting), components=(1,), near=near, seed=draws
     )
-    arm_hand = fit_coupling(np.concatenate(distance), np.concatenate(shown.openings), near=near, seed=draws)
+    open_from = [int(np.argmax(wide)) for wide in map(_wide, shown.openings)]
+    palms = np.concatenate([one[k:] for one, k in zip(distance, open_from, strict=True)])
+    openings = np.concatenate([one[k:] for one, k in zip(shown.openings, open_from, strict=True)])
+    arm_hand = fit_coupling(palms, openings, near=near, seed=draws)
     about = {
         "reaches": len(shown.arms),
         "gaze": "synthetic: minimum-jerk saccades that land 188 ms before the hand sets off",
     }
     return CoupledDynamics(eye, arm, hand, eye_arm, arm_hand, about=about)
+
+
+def fit_arm(
+    shown: Sequence[Demonstration],
+    *,
+    blocks: Sequence[int] | None = None,
+    step: float = 0.01,
+    components: Iterable[int] = COMPONENTS,
+    n_init: int = 3,
+    seed: int | np.random.Generator | None = None,
+) -> LpvDs:
+    """The arm's system, with the settings that held for reaches; arguments as of :func:`fit_lpvds`."""
+    return fit_lpvds(
+        shown,
+        blocks=blocks,
+        step=step,
+        components=components,
+        decay=DECAYS["arm"],
+        regularisation=REGULARISATION,
+        n_init=n_init,
+        seed=seed,
+    )
 
 
 def as_shown(reaches: Sequence[Reach], *, seed: int | np.random.Generator | None = None) -> Shown:
@@ -124,8 +158,8 @@ def palm_movement(reach: Reach) -> Demonstration:
 
 def closing(reach: Reach) -> Demonstration:
     """Openings (N, 1) from where the hand begins to close: before, it waits, and shows nothing of its own."""
-    wide = np.flatnonzero(reach.openings >= CLOSING * reach.openings.max())
-    begin = min(int(wide[-1]), len(reach.times) - 3)
+    last = int(np.flatnonzero(_wide(reach.openings))[-1])
+    begin = min(last, len(reach.times) - 3)
     return Demonstration(reach.times[begin:], reach.openings[begin:, None])
 
 
@@ -145,6 +179,12 @@ def synthetic_saccade(seed: int | np.random.Generator | None = None) -> Demonstr
     speed = 30.0 * phase**2 * (1.0 - phase) ** 2 / duration
     times = -LEAD - duration + duration * phase
     return Demonstration(times, np.outer(1.0 - minimum_jerk(phase), start), np.outer(speed, -start))
+
+
+def _wide(openings: Floats) -> npt.NDArray[np.bool_]:
+    """Where the hand is open. Before it first is, it opens from wherever it was, at any distance."""
+    wide: npt.NDArray[np.bool_] = openings >= CLOSING * openings.max()
+    return wide
 
 
 def arm_places(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from .._arrays import Floats, integer, not_negative, positive
+from .._arrays import Floats, finite, integer, not_negative, positive
 from ..control.demonstrations import Demonstration, stacked
 from ..control.lpvds import LpvDs, certify
 from ..errors import ArgumentError, MissingExtraError, StateError
@@ -112,6 +112,7 @@ def fit_metric(states: Floats, velocities: Floats) -> Floats:
         MissingExtraError: cvxpy or Clarabel is not installed.
     """
     cp = _cvxpy()
+    states, velocities = finite("states", states), finite("velocities", velocities)
     d = states.shape[1]
     far, fast = np.linalg.norm(states, axis=1), np.linalg.norm(velocities, axis=1)
     moving = (far > 1e-9 * far.max()) & (fast > 1e-9 * fast.max())
@@ -153,6 +154,7 @@ def fit_matrices(
         MissingExtraError: cvxpy or Clarabel is not installed.
     """
     cp = _cvxpy()
+    states, velocities = finite("states", states), finite("velocities", velocities)
     count, d = shares.shape[1], states.shape[1]
     mixed = (shares[:, :, None] * states[:, None, :]).reshape(len(states), count * d)
     ball = np.repeat(tube * np.sqrt(shares.sum(axis=0) * states.var(axis=0).mean()), d)

@@ -34,8 +34,8 @@ def movement_sheet(model: CoupledDynamics, found: Reaches, *, seed: int) -> Shee
         (
             "Learned from ",
             f"{len(found)} reaches",
-            ", certified to come to rest at the goal from anywhere: every millisecond that passes brings it "
-            "nearer, at ",
+            ", certified to come to rest at the goal from anywhere: once the eye is there the palm "
+            "comes nearer all the time, at ",
             f"{-arm.continuous:.2g} 1/s",
             " or more.",
         ),
