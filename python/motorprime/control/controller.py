@@ -52,9 +52,7 @@ class Controller:
         gaze: of torso, neck and eyes (len(robot.gaze),) [rad], as commanded.
     """
 
-    def __init__(
-        self, dynamics: CoupledDynamics, arm: PoseSolver, grasp: SideGrasp = SIDE_GRASP
-    ) -> None:
+    def __init__(self, dynamics: CoupledDynamics, arm: PoseSolver, grasp: SideGrasp = SIDE_GRASP) -> None:
         self.dynamics, self.arm, self.careful = dynamics, arm, arm
         self.grasp, self.robot = grasp, arm.robot
         self.state: State | None = None

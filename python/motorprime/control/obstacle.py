@@ -76,18 +76,18 @@ def plan_motion(
     if not barriers:
         raise UnreachableError("legs: the arm cannot follow the way there")
     path = direct.simulated.path
-    blocking = hit or min(barriers, key=lambda barrier: float(barrier.obstacle.gap(path)[0].min()))
+    # What the palm hits first, then what it passes nearest; the target itself, which all ways end at, last.
+    rest = sorted(barriers, key=lambda barrier: (not barrier.whole, barrier.room(path)))
     tried = 0
-    for via in _via_points(path, blocking.obstacle, state, legs[0].goal, ahead / length):
-        motion = simulate(dynamics, state, (via, *legs))
-        tried += 1
-        clear = motion.simulated.arrived and _first_hit(motion, barriers) is None
-        if clear and (feasible is None or feasible(motion)):
-            return _judged(motion, obstacles)
-    raise UnreachableError(
-        f"obstacle: none of {tried} via-points leads past the one at "
-        f"{np.round(blocking.obstacle.centre, 3)} m"
-    )
+    for barrier in rest if hit is None else [hit, *(other for other in rest if other is not hit)]:
+        for via in _via_points(path, barrier.obstacle, state, legs[0].goal, ahead / length):
+            motion = simulate(dynamics, state, (via, *legs))
+            tried += 1
+            clear = motion.simulated.arrived and _first_hit(motion, barriers) is None
+            if clear and (feasible is None or feasible(motion)):
+                return _judged(motion, obstacles)
+    places = ", ".join(str(np.round(barrier.obstacle.centre, 3).tolist()) for barrier in barriers)
+    raise UnreachableError(f"obstacle: none of {tried} via-points leads past what stands at {places} m")
 
 
 def _judged(motion: Motion, obstacles: Sequence[Obstacle]) -> Motion:
@@ -122,6 +122,10 @@ class _Barrier:
                 f"at {np.round(obstacle.centre, 3)} m"
             )
         return cls(obstacle, min(allowance, start - MARGIN / 2, end - MARGIN / 2), whole)
+
+    def room(self, path: Floats) -> float:
+        """Distance [m] that a path (N, 3) has to spare."""
+        return float(self.obstacle.gap(path)[0].min()) - self.limit
 
     def hit(self, motion: Motion) -> int | None:
         """Where on its path a motion comes too close first."""
