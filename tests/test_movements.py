@@ -20,7 +20,7 @@ from motorprime.learning.movements import (
     palm_movement,
     synthetic_saccade,
 )
-from motorprime.recordings.reaches import find_reaches
+from motorprime.recordings.reaches import Reach, find_reaches
 from synthetic_reaches import capture, text
 
 pytestmark = pytest.mark.learn
@@ -54,6 +54,16 @@ def test_an_arm_s_movement_is_in_the_axes_of_the_palm_at_the_grasp(reaches):
     start = reaches[0].palms[0][:3, 3] - reaches[0].palms[-1][:3, 3]
     np.testing.assert_allclose(shown.states[0, :3], start * [1.0, -1.0, -1.0], atol=1e-9)
     assert shown.times[0] == 0.0
+
+
+def test_an_arm_s_movement_turns_with_the_grasp(reaches):
+    """The same reach in a room that is turned is the same movement."""
+    angle = 0.7
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    turn[:3, 3] = 0.3, -0.2, 0.5
+    turned = Reach(reaches[0].times, turn @ reaches[0].palms, reaches[0].openings)
+    np.testing.assert_allclose(palm_movement(turned).states, palm_movement(reaches[0]).states, atol=1e-9)
 
 
 def test_a_saccade_lands_before_the_hand_sets_off():

@@ -107,6 +107,15 @@ def test_blocks_do_not_mix_and_only_the_first_coordinates_weigh():
     np.testing.assert_allclose(ds.velocity(states), np.concatenate([one.speeds for one in shown]), atol=0.02)
 
 
+def test_a_mixture_that_is_there_is_taken_as_it_is():
+    shown = motions(SPIRAL)
+    first = fit(shown, components=(3,))
+    plain = fit(shown, mixture=first.mixture, method="identity")
+    np.testing.assert_array_equal(plain.means, first.means)
+    with pytest.raises(ArgumentError, match="mixture: expected one over 1 coordinates, got 2"):
+        fit(shown, mixture=first.mixture, mixed=1)
+
+
 def test_off_the_shown_paths_motion_comes_back_at_the_rate_of_the_demonstrations():
     """One straight motion says nothing about the direction across it."""
     times = np.arange(0.0, 3.0, 0.01)

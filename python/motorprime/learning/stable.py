@@ -24,6 +24,7 @@ import numpy as np
 from .._arrays import Floats, finite, integer, not_negative, positive
 from ..control.demonstrations import Demonstration, stacked
 from ..control.lpvds import LpvDs, certify
+from ..control.mixture import Mixture
 from ..errors import ArgumentError, MissingExtraError, StateError
 from .mixtures import COMPONENTS, fit_mixture
 
@@ -46,6 +47,7 @@ def fit_lpvds(
     regularisation: float = 0.02,
     tube: float = 0.03,
     n_init: int = 10,
+    mixture: Mixture | None = None,
     seed: int | np.random.Generator | None = None,
 ) -> LpvDs:
     """The certified system that moves as the demonstrations do, as nearly as it can.
@@ -63,6 +65,7 @@ def fit_lpvds(
         regularisation: of the mixture, see :func:`fit_mixture`.
         tube: radius of the ball that each sample stands for, as a share of the states' spread.
         n_init: starts of the mixture.
+        mixture: one that is there already, over the first ``mixed`` coordinates; then nothing is drawn.
         seed: draws them.
 
     Raises:
@@ -80,9 +83,12 @@ def fit_lpvds(
         raise ArgumentError(f"decay: expected decay * step < 1, got {decay:g} 1/s * {step:g} s")
     if method not in METHODS:
         raise ArgumentError(f"method: expected one of {METHODS}, got {method!r}")
-    mixture = fit_mixture(
-        states[:, :m], components=components, regularisation=regularisation, n_init=n_init, seed=seed
-    )
+    if mixture is None:
+        mixture = fit_mixture(
+            states[:, :m], components=components, regularisation=regularisation, n_init=n_init, seed=seed
+        )
+    elif mixture.dimensions != m:
+        raise ArgumentError(f"mixture: expected one over {m} coordinates, got {mixture.dimensions}")
     shares = mixture.posterior(states[:, :m])
     lyapunov = np.zeros((states.shape[1], states.shape[1]))
     matrices = np.zeros((len(mixture), *lyapunov.shape))
