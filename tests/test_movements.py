@@ -5,13 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from motorprime.cli import app
 from motorprime.control.cds import CoupledDynamics, Goal, State
 from motorprime.control.demonstrations import Demonstration
 from motorprime.control.lpvds import LpvDs
 from motorprime.errors import ArgumentError
 from motorprime.evaluate import demonstrations, lasa
 from motorprime.evaluate.demonstrations import evaluate_demonstrations, measure, roll_out
+from motorprime.learning import movements
 from motorprime.learning.movements import (
     LEAD,
     as_shown,
@@ -205,6 +208,19 @@ def test_handwriting_is_learned_and_certified_for_both_metrics(few_components):
     shown = lasa.handwriting("PShape")
     assert len(shown) == 7 and all(len(one) == 500 for one in shown)
     assert len(lasa.MOTIONS) == 26
+
+
+def test_the_command_writes_a_model_and_its_report(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib", reason="pip install 'motorprime[viz]'")
+    monkeypatch.setattr(movements, "learn_cds", partial(learn_cds, components=(3,), n_init=1))
+    recording, model, report = (tmp_path / name for name in ("shown.tsv", "cds.safetensors", "cds.html"))
+    recording.write_text(text(capture(6)))
+    options = ["--demos", str(recording), "--out", str(model), "--seed", "2", "--report", str(report)]
+    result = CliRunner().invoke(app, ["learn", "cds", *options])
+    assert result.exit_code == 0, result.output
+    assert CoupledDynamics.load(model).arm.certificate().holds
+    page = report.read_text()
+    assert "6 reaches" in page and "Why it must arrive" in page and "synthetic" in page
 
 
 def test_the_shipped_model_is_certified_and_has_a_recipe():
