@@ -128,6 +128,25 @@ def spot_between(
     return _first(spots(), leaves_room, "obstacle: there is no room for one between the hand and the glass")
 
 
+def spot_anywhere(
+    scene: Scene, generator: np.random.Generator, leaves_room: Callable[[tuple[float, float]], bool]
+) -> tuple[float, float]:
+    """A place in reach for the glass, with room around it; as :func:`spot_beside` otherwise.
+
+    Raises:
+        StateError: none was found.
+    """
+    radius = scene.layout.glass.radius
+
+    def spots() -> Iterator[Floats]:
+        for _ in range(ATTEMPTS):
+            spot = np.array([generator.uniform(*bounds) for bounds in REGION])
+            if _room(scene, spot, radius, ROOM):
+                yield spot
+
+    return _first(spots(), leaves_room, "glass: no place in reach is free")
+
+
 def _first(
     spots: Iterator[Floats], leaves_room: Callable[[tuple[float, float]], bool], why: str
 ) -> tuple[float, float]:
