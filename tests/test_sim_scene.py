@@ -5,13 +5,13 @@ import pytest
 
 from motorprime import StateError
 from motorprime.sim.cameras import Eyes
+from motorprime.sim.glass import Glass
 from motorprime.sim.scene import (
     KITCHENWARE,
     SMALL_GLASS,
     TABLE_HEIGHT,
     TABLE_X,
     TABLE_Y,
-    Glass,
     Layout,
     Scene,
     draw_layout,

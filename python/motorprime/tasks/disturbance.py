@@ -10,7 +10,8 @@ import numpy as np
 
 from .._arrays import Floats
 from ..errors import StateError
-from ..sim.scene import REGION, Glass, Scene
+from ..sim.glass import Glass
+from ..sim.scene import REGION, Scene
 from .cycle import Cycle
 
 JUMP = 0.10  # of the glass [m]

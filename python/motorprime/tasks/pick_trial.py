@@ -15,8 +15,8 @@ from ..control.clearance import Obstacle
 from ..control.pose import PoseSolver
 from ..errors import StateError, UnreachableError
 from ..robot import Robot
-from ..sim.glass import draw_tumbler
-from ..sim.scene import CANISTER, TABLE_HEIGHT, Glass
+from ..sim.glass import Glass, draw_glass
+from ..sim.scene import CANISTER, TABLE_HEIGHT
 from ..sim.world import STEP
 from .cycle import Cycle, Settings
 from .disturbance import Disturbance, spot_anywhere, spot_between
@@ -140,8 +140,7 @@ class PickTrial(Staged):
         )
 
     def _draw_glass(self) -> Glass:
-        drawn = draw_tumbler(self.generator)
-        return Glass(drawn.radius, drawn.height, mass=drawn.mass)
+        return draw_glass(self.generator)
 
     def _strike(self) -> None:
         if not self._obstacle:
