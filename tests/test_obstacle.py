@@ -434,3 +434,12 @@ def test_a_motion_may_be_planned_again_from_where_it_is():
 def test_what_stands_farther_than_the_goal_is_no_hindrance():
     motion = plan(FROM_THE_RIGHT, standing(-0.30, -0.15))
     assert len(motion.legs) == 1
+
+
+def test_of_two_that_are_hit_the_first_on_the_way_is_passed_first_however_they_are_listed():
+    """A via-point beside either leads past both."""
+    first, second = standing(-0.38, 0.38), standing(-0.38, 0.12)
+    for listed in ((first, second), (second, first)):
+        motion = plan(FROM_THE_RIGHT, *listed)
+        np.testing.assert_allclose(via(motion)[1], 0.38)
+        assert min(least(motion, obstacle) for obstacle in listed) >= ALLOWANCE
