@@ -146,15 +146,28 @@ def test_a_path_from_front_to_back_passes_across_on_the_nearer_side(sign):
     assert sign * (via(motion)[1] - obstacle.centre[1]) > CAN.radius + ALLOWANCE
 
 
-def test_where_no_side_leads_past_it_goes_over():
+@pytest.mark.parametrize("height", [-0.02, 0.0, 0.04])
+def test_it_passes_at_the_height_of_the_path(height):
+    up = np.array([0.0, 0.0, height])
+    motion = plan(FROM_THE_RIGHT + up, standing(-0.31, 0.25), goal=GOAL + up)
+    assert via(motion)[2] == pytest.approx(height, abs=1e-9)
+    assert np.ptp(motion.simulated.path[:, 2]) < 1e-9
+
+
+@pytest.mark.parametrize("aside", [True, False])
+def test_where_no_side_leads_past_it_goes_over_aside_or_right_across(aside):
     low = Cylinder(0.03, 0.08)
-    obstacle = standing(-0.30, 0.25, low)
-    motion = plan(
-        FROM_THE_RIGHT, obstacle, feasible=lambda motion: via(motion)[2] > TABLE + low.height + ALLOWANCE
-    )
-    beside = np.abs(motion.simulated.path[:, 1] - 0.25) < low.radius
-    assert motion.simulated.path[beside, 2].max() > TABLE + low.height
+    obstacle, top = standing(-0.30, 0.25, low), TABLE + low.height
+
+    def high(motion):
+        off = np.linalg.norm((via(motion) - obstacle.centre)[:2])
+        return via(motion)[2] > top + ALLOWANCE and (off > 0.05) == aside
+
+    motion = plan(FROM_THE_RIGHT, obstacle, feasible=high)
+    assert high(motion)
     assert least(motion, obstacle) >= ALLOWANCE
+    over = motion.simulated.path[np.abs(motion.simulated.path[:, 1] - 0.25) < low.radius, 2]
+    assert over.max() > top + (0.0 if aside else ALLOWANCE)
 
 
 def test_two_that_stand_in_the_way_are_both_cleared():
@@ -443,3 +456,27 @@ def test_of_two_that_are_hit_the_first_on_the_way_is_passed_first_however_they_a
         motion = plan(FROM_THE_RIGHT, *listed)
         np.testing.assert_allclose(via(motion)[1], 0.38)
         assert min(least(motion, obstacle) for obstacle in listed) >= ALLOWANCE
+
+
+def test_where_no_way_leads_around_what_is_hit_first_it_is_tried_around_the_other():
+    first, second = standing(-0.38, 0.38), standing(-0.38, 0.12)
+    motion = plan(FROM_THE_RIGHT, first, second, feasible=lambda motion: abs(via(motion)[1] - 0.12) < 0.01)
+    assert min(least(motion, obstacle) for obstacle in (first, second)) >= ALLOWANCE
+
+
+def test_where_the_arm_cannot_and_nothing_is_hit_the_nearest_thing_is_tried_first_and_the_target_last():
+    far, near = standing(-0.50, 0.40), standing(-0.45, 0.25)
+    target = standing(-0.30, -0.10, Cylinder(0.03, 0.10))
+    legs, asked = [to((-0.30, 0.08, 0.0)), to(GOAL)], []
+
+    def beside(motion):
+        if len(motion.legs) > 2:
+            asked.append(min((far, near, target), key=lambda o: np.linalg.norm(via(motion) - o.centre)))
+        return False
+
+    with pytest.raises(UnreachableError):
+        plan_motion(DYNAMICS, start(FROM_THE_RIGHT), legs, [far, near], target=target, feasible=beside)
+    places = [asked.index(thing) for thing in (near, far)]
+    assert places == sorted(places)
+    assert asked[0] is near
+    assert target not in asked[: asked.index(far)]
