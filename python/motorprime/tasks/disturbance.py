@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 
@@ -29,7 +30,7 @@ class Disturbance:
     Attributes:
         after: seconds from the first cycle of the reach.
         obstacle: what appears; None lets the glass jump.
-        leaves_room: as of :func:`spot_between`.
+        leaves_room: as of :func:`spot_between`; for a glass that jumps, whether it can be grasped at a place.
         happened: whether it did.
     """
 
@@ -50,7 +51,7 @@ class Disturbance:
             return
         try:
             if self.obstacle is None:
-                scene.move_glass(spot_beside(scene, self.generator))
+                scene.move_glass(spot_beside(scene, palm, self.generator, self.leaves_room))
             else:
                 spot = spot_between(scene, self.obstacle, palm, self.generator, self.leaves_room)
                 scene.stand_obstacle(self.obstacle, spot)
@@ -59,20 +60,34 @@ class Disturbance:
         self.happened = True
 
 
-def spot_beside(scene: Scene, generator: np.random.Generator) -> tuple[float, float]:
-    """A place in reach, :data:`JUMP` from where the glass stands, with room for it.
+def spot_beside(
+    scene: Scene,
+    palm: Floats,
+    generator: np.random.Generator,
+    leaves_room: Callable[[tuple[float, float]], bool],
+) -> tuple[float, float]:
+    """A place in reach, :data:`JUMP` from where the glass stands, with room for it and not under the hand.
+
+    Args:
+        scene: with the glass.
+        palm: where the hand is (3,) [m].
+        generator: draws.
+        leaves_room: says of a place whether the glass can be grasped there.
 
     Raises:
         StateError: none was found.
     """
-    here = scene.glass_pose()[0][:2]
-    for _ in range(ATTEMPTS):
-        angle = generator.uniform(0.0, 2.0 * np.pi)
-        spot = here + JUMP * np.array([np.cos(angle), np.sin(angle)])
-        inside = all(low <= value <= high for value, (low, high) in zip(spot, REGION, strict=True))
-        if inside and _room(scene, spot, scene.layout.glass.radius, GLASS_ROOM):
-            return float(spot[0]), float(spot[1])
-    raise StateError("glass: no place 10 cm off is free and in reach")
+    here, radius = scene.glass_pose()[0][:2], scene.layout.glass.radius
+
+    def spots() -> Iterator[Floats]:
+        for angle in generator.uniform(0.0, 2.0 * np.pi, ATTEMPTS):
+            spot = here + JUMP * np.array([np.cos(angle), np.sin(angle)])
+            inside = all(low <= value <= high for value, (low, high) in zip(spot, REGION, strict=True))
+            away = float(np.linalg.norm(spot - palm[:2])) - radius
+            if inside and away > HAND_ROOM and _room(scene, spot, radius, GLASS_ROOM):
+                yield spot
+
+    return _first(spots(), leaves_room, "glass: no place 10 cm off is free and in reach")
 
 
 def spot_between(
@@ -100,22 +115,28 @@ def spot_between(
     if length < 1e-6:
         raise StateError("obstacle: the palm is over the glass")
     across = np.array([-way[1], way[0]]) / length
-    tried = 0
-    for _ in range(ATTEMPTS):
-        spot = palm[:2] + generator.uniform(*BETWEEN) * way + generator.uniform(-BESIDE, BESIDE) * across
-        apart = float(np.linalg.norm(spot - glass)) - radius - shape.radius
-        hand = float(np.linalg.norm(spot - palm[:2])) - shape.radius
-        if apart < GLASS_ROOM or hand < HAND_ROOM or not _room(scene, spot, shape.radius, ROOM):
-            continue
+
+    def spots() -> Iterator[Floats]:
+        for _ in range(ATTEMPTS):
+            spot = palm[:2] + generator.uniform(*BETWEEN) * way + generator.uniform(-BESIDE, BESIDE) * across
+            apart = float(np.linalg.norm(spot - glass)) - radius - shape.radius
+            hand = float(np.linalg.norm(spot - palm[:2])) - shape.radius
+            roomy = apart > GLASS_ROOM and hand > HAND_ROOM and _room(scene, spot, shape.radius, ROOM)
+            if roomy and scene.on_table(spot, shape.radius):
+                yield spot
+
+    return _first(spots(), leaves_room, "obstacle: there is no room for one between the hand and the glass")
+
+
+def _first(
+    spots: Iterator[Floats], leaves_room: Callable[[tuple[float, float]], bool], why: str
+) -> tuple[float, float]:
+    """The first of a few places that leaves room."""
+    for spot in islice(spots, TRIED):
         place = float(spot[0]), float(spot[1])
-        if not scene.on_table(spot, shape.radius):
-            continue
         if leaves_room(place):
             return place
-        tried += 1
-        if tried == TRIED:
-            break
-    raise StateError("obstacle: there is no room for one between the hand and the glass")
+    raise StateError(why)
 
 
 def _room(scene: Scene, spot: Floats, radius: float, apart: float) -> bool:

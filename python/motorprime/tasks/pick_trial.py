@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .._arrays import Floats
 from ..control.cds import CoupledDynamics
 from ..control.clearance import Obstacle
 from ..control.pose import PoseSolver
@@ -28,7 +29,7 @@ LIFTED, HELD = 0.05, 1.0
 
 AWAY = 0.26  # of the palm's start from the glass when something is to stand between [m]
 STARTS = 40  # until there is room for an obstacle
-SOON, LATE = 0.3, 0.9  # when a disturbance happens after the hand has set out [s]
+APPEARING, JUMPING = (0.0, 0.3), (0.2, 0.8)  # when that happens, after the hand has set out [s]
 
 
 @dataclass(frozen=True)
@@ -89,9 +90,12 @@ class PickTrial(Staged):
         super().__init__(robot, seed, **others)
         self.disturbance = None
         if perturb:
-            after = float(self.generator.uniform(SOON, LATE))
-            appearing = CANISTER if obstacle else None
-            self.disturbance = Disturbance(self.generator.spawn(1)[0], after, appearing, self._leaves_room)
+            own = self.generator.spawn(1)[0]
+            self.disturbance = (
+                Disturbance(own, float(own.uniform(*APPEARING)), CANISTER, self._leaves_room)
+                if obstacle
+                else Disturbance(own, float(own.uniform(*JUMPING)), None, self._may_stand)
+            )
         self.task = Pick(
             self.body,
             target_of(self.stage.layout.glass),
@@ -160,14 +164,22 @@ class PickTrial(Staged):
         raise StateError(f"obstacle: after {STARTS} starts there is no room for one between hand and glass")
 
     def _leaves_room(self, spot: tuple[float, float]) -> bool:
-        """Whether the glass can be grasped from some side while an obstacle stands there.
+        """Whether the glass can be grasped from some side while an obstacle stands at a place.
 
         One that stands where the forearm has to be is none that there is a way past.
         """
         centre = np.array([*spot, TABLE_HEIGHT + CANISTER.height / 2])
         arm = self._arm.over(BENCH, [Obstacle(cylinder_of(CANISTER), centre)])
+        return self._graspable(arm, self.stage.scene.glass_pose()[0])
+
+    def _may_stand(self, spot: tuple[float, float]) -> bool:
+        """Whether the glass can be grasped when it stands at a place."""
+        glass = self.stage.layout.glass
+        return self._graspable(self._arm, np.array([*spot, TABLE_HEIGHT + glass.height / 2]))
+
+    def _graspable(self, arm: PoseSolver, centre: Floats) -> bool:
         try:
-            choose(arm, self.stage.scene.glass_pose()[0], self.stage.layout.glass.radius)
+            choose(arm, centre, self.stage.layout.glass.radius)
         except UnreachableError:
             return False
         return True
