@@ -5,13 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from motorprime.cli import app
 from motorprime.control.cds import CoupledDynamics, Goal, State
 from motorprime.control.demonstrations import Demonstration
 from motorprime.control.lpvds import LpvDs
 from motorprime.errors import ArgumentError
 from motorprime.evaluate import demonstrations, lasa
 from motorprime.evaluate.demonstrations import evaluate_demonstrations, measure, roll_out
+from motorprime.learning import movements
 from motorprime.learning.movements import (
     LEAD,
     as_shown,
@@ -20,7 +23,7 @@ from motorprime.learning.movements import (
     palm_movement,
     synthetic_saccade,
 )
-from motorprime.recordings.reaches import find_reaches
+from motorprime.recordings.reaches import Reach, find_reaches
 from synthetic_reaches import capture, text
 
 pytestmark = pytest.mark.learn
@@ -54,6 +57,16 @@ def test_an_arm_s_movement_is_in_the_axes_of_the_palm_at_the_grasp(reaches):
     start = reaches[0].palms[0][:3, 3] - reaches[0].palms[-1][:3, 3]
     np.testing.assert_allclose(shown.states[0, :3], start * [1.0, -1.0, -1.0], atol=1e-9)
     assert shown.times[0] == 0.0
+
+
+def test_an_arm_s_movement_turns_with_the_grasp(reaches):
+    """The same reach in a room that is turned is the same movement."""
+    angle = 0.7
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    turn[:3, 3] = 0.3, -0.2, 0.5
+    turned = Reach(reaches[0].times, turn @ reaches[0].palms, reaches[0].openings)
+    np.testing.assert_allclose(palm_movement(turned).states, palm_movement(reaches[0]).states, atol=1e-9)
 
 
 def test_a_saccade_lands_before_the_hand_sets_off():
@@ -195,6 +208,19 @@ def test_handwriting_is_learned_and_certified_for_both_metrics(few_components):
     shown = lasa.handwriting("PShape")
     assert len(shown) == 7 and all(len(one) == 500 for one in shown)
     assert len(lasa.MOTIONS) == 26
+
+
+def test_the_command_writes_a_model_and_its_report(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib", reason="pip install 'motorprime[viz]'")
+    monkeypatch.setattr(movements, "learn_cds", partial(learn_cds, components=(3,), n_init=1))
+    recording, model, report = (tmp_path / name for name in ("shown.tsv", "cds.safetensors", "cds.html"))
+    recording.write_text(text(capture(6)))
+    options = ["--demos", str(recording), "--out", str(model), "--seed", "2", "--report", str(report)]
+    result = CliRunner().invoke(app, ["learn", "cds", *options])
+    assert result.exit_code == 0, result.output
+    assert CoupledDynamics.load(model).arm.certificate().holds
+    page = report.read_text()
+    assert "6 reaches" in page and "Why it must arrive" in page and "synthetic" in page
 
 
 def test_the_shipped_model_is_certified_and_has_a_recipe():

@@ -17,6 +17,7 @@ import numpy as np
 from .._arrays import Floats, integer
 from ..control.demonstrations import Demonstration, stacked
 from ..control.lpvds import LpvDs
+from ..control.mixture import Mixture
 from ..errors import ArgumentError, MissingExtraError
 from ..learning.stable import METHODS, fit_lpvds
 from ..learning.workers import run
@@ -62,18 +63,18 @@ def evaluate_lasa(
     progress, seed = progress or Progress(), integer("seed", seed, at_least=0)
     names = _known(motions)
     handwriting(names[0])  # a missing data set is an error of this process, not of a worker
-    jobs = [(name, method, seed) for name in names for method in METHODS]
-    found: dict[tuple[str, str, int], dict[str, float]] = {}
+    jobs = [(name, seed) for name in names]
+    found: dict[str, dict[str, dict[str, float]]] = {}
     with progress.counting(len(jobs), "handwriting") as done:
         for job, figures in run(_measured, jobs, workers=workers):
-            found[job] = figures
+            found[job[0]] = figures
             done(len(found))
-    means = {method: _means([found[name, method, seed] for name in names]) for method in METHODS}
+    means = {method: _means([found[name][method] for name in names]) for method in METHODS}
     return {
         "seed": seed,
         **means["pqlf"],
         "identity": means["identity"],
-        "details": {name: {method: found[name, method, seed] for method in METHODS} for name in names},
+        "details": {name: found[name] for name in names},
     }
 
 
@@ -128,19 +129,24 @@ def roll_outs(ds: LpvDs, starts: Floats) -> list[Floats]:
     return [whole[:length, i] for i, length in enumerate(lengths)]
 
 
-def _measured(job: tuple[str, str, int]) -> dict[str, float]:
-    motion, method, seed = job
+def _measured(job: tuple[str, int]) -> dict[str, dict[str, float]]:
+    """Figures of one motion by method; both have the same mixture."""
+    motion, seed = job
     shown = handwriting(motion)
     draws = np.random.default_rng([seed, MOTIONS.index(motion)])
-    ds = fit_lpvds(shown[:TRAINED], step=STEP, method=method, seed=draws)
-    certificate = ds.certificate()
-    return {
-        **measure(ds, shown[TRAINED:]),
-        "components": float(len(ds.weights)),
-        "certified": float(certificate.holds),
-        "rate": certificate.continuous,
-        "factor": certificate.discrete,
-    }
+    mixture: Mixture | None = None
+    found = {}
+    for method in METHODS:
+        ds = fit_lpvds(shown[:TRAINED], step=STEP, method=method, mixture=mixture, seed=draws)
+        mixture, certificate = ds.mixture, ds.certificate()
+        found[method] = {
+            **measure(ds, shown[TRAINED:]),
+            "components": float(len(ds.weights)),
+            "certified": float(certificate.holds),
+            "rate": certificate.continuous,
+            "factor": certificate.discrete,
+        }
+    return found
 
 
 def _means(figures: Sequence[dict[str, float]]) -> dict[str, Any]:

@@ -9,8 +9,8 @@ Three steps, after Figueroa and Billard (CoRL 2018), with their non-convex searc
    B_k = P^1/2 A_k P^-1/2. That implies (B_k + B_k^T) / 2 <= -decay I, the condition in continuous time.
 
 Step 3 also wants motion to come back from off the shown paths: each sample stands for a ball of states round
-it, from which the velocity gains -r times the distance, at the rate r [1/s] at which the demonstrations come
-nearer in the mean. As the mixture's weights sum to 1 that costs at most ``tube``^2 sum_k N_k ||A_k + r I||^2.
+it, from which the velocity gains -RETURN times the distance. As the mixture's weights sum to 1 that costs at
+most ``tube``^2 sum_k N_k ||A_k + RETURN I||^2 in the squared error.
 """
 
 from __future__ import annotations
@@ -24,9 +24,12 @@ import numpy as np
 from .._arrays import Floats, finite, integer, not_negative, positive
 from ..control.demonstrations import Demonstration, stacked
 from ..control.lpvds import LpvDs, certify
+from ..control.mixture import Mixture
 from ..errors import ArgumentError, MissingExtraError, StateError
 from .mixtures import COMPONENTS, fit_mixture
 
+RETURN = 1.0
+"""How fast [1/s] a motion comes back to the shown paths, where the data do not say."""
 PROGRESS = 0.05
 """How much a demonstration should come nearer, as the cosine of its angle to -P x."""
 ROUNDNESS = 0.02
@@ -46,6 +49,7 @@ def fit_lpvds(
     regularisation: float = 0.02,
     tube: float = 0.03,
     n_init: int = 10,
+    mixture: Mixture | None = None,
     seed: int | np.random.Generator | None = None,
 ) -> LpvDs:
     """The certified system that moves as the demonstrations do, as nearly as it can.
@@ -63,6 +67,7 @@ def fit_lpvds(
         regularisation: of the mixture, see :func:`fit_mixture`.
         tube: radius of the ball that each sample stands for, as a share of the states' spread.
         n_init: starts of the mixture.
+        mixture: one that is there already, over the first ``mixed`` coordinates; then nothing is drawn.
         seed: draws them.
 
     Raises:
@@ -80,9 +85,12 @@ def fit_lpvds(
         raise ArgumentError(f"decay: expected decay * step < 1, got {decay:g} 1/s * {step:g} s")
     if method not in METHODS:
         raise ArgumentError(f"method: expected one of {METHODS}, got {method!r}")
-    mixture = fit_mixture(
-        states[:, :m], components=components, regularisation=regularisation, n_init=n_init, seed=seed
-    )
+    if mixture is None:
+        mixture = fit_mixture(
+            states[:, :m], components=components, regularisation=regularisation, n_init=n_init, seed=seed
+        )
+    elif mixture.dimensions != m:
+        raise ArgumentError(f"mixture: expected one over {m} coordinates, got {mixture.dimensions}")
     shares = mixture.posterior(states[:, :m])
     lyapunov = np.zeros((states.shape[1], states.shape[1]))
     matrices = np.zeros((len(mixture), *lyapunov.shape))
@@ -158,8 +166,7 @@ def fit_matrices(
     count, d = shares.shape[1], states.shape[1]
     mixed = (shares[:, :, None] * states[:, None, :]).reshape(len(states), count * d)
     ball = np.repeat(tube * np.sqrt(shares.sum(axis=0) * states.var(axis=0).mean()), d)
-    rate = max(0.0, -float((states * velocities).sum() / (states**2).sum()))
-    back = np.tile(-rate * np.eye(d), (count, 1))
+    back = np.tile(-RETURN * np.eye(d), (count, 1))
     # The error only depends on the triangular factor: K d rows instead of one for each sample.
     q, r = np.linalg.qr(np.vstack([mixed, np.diag(ball)]))
     wanted = q.T @ np.vstack([velocities, ball[:, None] * back])
