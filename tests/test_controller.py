@@ -1,17 +1,27 @@
 """From dynamics to joints: within limits and speeds, without jumps, and the palm gets there."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from motorprime import shipped
 from motorprime.control.clearance import Obstacle
-from motorprime.control.controller import JOINT_SPEED, LEAD, THINNING, Controller
+from motorprime.control.controller import (
+    AWRY,
+    CLOSE,
+    GRAZE,
+    JOINT_SPEED,
+    LEAD,
+    LEAP,
+    THINNING,
+    Controller,
+)
 from motorprime.control.gaze import fixate
 from motorprime.control.motion import Leg, simulate
 from motorprime.control.movement import Goal
-from motorprime.control.pose import PoseSolver
+from motorprime.control.pose import PoseSolution, PoseSolver
 from motorprime.control.reaching import Bench
 from motorprime.control.side_grasp import SIDE_GRASP
 from motorprime.cylinder import Cylinder
@@ -157,8 +167,9 @@ def test_eyes_and_neck_go_on_from_call_to_call_without_a_jump(driven, icub, arm)
     assert np.abs(steps).max() > 0.0
 
 
-def test_the_eyes_look_at_the_fixation_point(driven, icub):
-    controller = driven[0]
+def test_the_eyes_look_at_the_fixation_point_from_where_the_torso_goes(driven, icub):
+    controller, commands = driven[0], driven[2]
+    np.testing.assert_array_equal(controller.gaze, column(commands, icub.gaze)[-1])
     again = fixate(icub, controller.gaze, GLASS)
     np.testing.assert_allclose(controller.gaze, again, atol=0.02)
 
@@ -208,6 +219,15 @@ def test_time_is_cut_into_steps_that_the_dynamics_certify(arm, start, postures):
     np.testing.assert_allclose(ends[0], ends[1], atol=0.005)
 
 
+def test_a_hand_that_waits_at_the_pregrasp_is_not_the_one_that_has_arrived(icub, arm, start, postures):
+    controller = begun(arm, postures[0], simple(), opening=0.0)
+    motion = simulate(simple(), controller.state, legs(arm, postures))
+    motion = replace(motion, legs=(replace(motion.legs[0], near=0.0), motion.legs[1]))
+    _, commands = controller.advance(motion, PERIOD)
+    assert np.linalg.norm(controller.palm[:3, 3] - motion.legs[0].goal.palm[:3, 3]) < SIDE_GRASP.arrived
+    assert commands[-1]["r_pinky"] == pytest.approx(icub.hand.targets(SIDE_GRASP.roomy)["r_pinky"])
+
+
 # What holds the arm back.
 
 
@@ -226,8 +246,9 @@ def test_the_plan_runs_ahead_of_a_blocked_arm_by_a_limit_and_the_arm_follows_whe
         lowest.append(controller.palm[2, 3])
 
     drive(controller, motion, 5.0, watch)
-    assert max(ahead) == pytest.approx(LEAD, abs=0.002)
     assert max(ahead) <= LEAD + 1e-6
+    assert ahead[-1] == pytest.approx(LEAD, abs=0.002)
+    assert controller.state.palm[2, 3] < controller.palm[2, 3] - 0.8 * LEAD  # ahead, not behind
     assert min(lowest) > BENCH.height
     free = arm.palm(start)
     motion, _ = drive(controller, simulate(learned, controller.state, [Leg(Goal(GLASS, free))]), 6.0)
@@ -374,6 +395,48 @@ def test_one_whose_end_stands_in_the_way_fails_it(arm, start, postures, learned)
     motion = simulate(learned, controller.state, legs(arm, postures))
     controller.arm = controller.careful = arm.over(BENCH, [Obstacle(Cylinder(0.05, 0.2), GLASS)])
     assert not controller.rehearse(motion)
+
+
+class Scripted:
+    """A solver whose answers are given: its posture leaps so far, and is so far off and so deep inside."""
+
+    def __init__(self, arm, *, off=0.0, last_off=0.0, depth=0.0, leap=0.0):
+        self._arm, self._off, self._last_off, self._depth, self._leap = arm, off, last_off, depth, leap
+        self._called = 0
+
+    def __getattr__(self, attribute):
+        return getattr(self._arm, attribute)
+
+    def nearest(self, target, start, *, hold=None, restarts=0):
+        self._called += 1
+        at_goal = np.allclose(target[:3, 3], self._arm.goal, atol=2e-3)
+        angles = np.array(start)
+        angles[0] += self._leap * (-1.0) ** self._called
+        return PoseSolution(angles, self._last_off if at_goal else self._off, 0.0, self._depth, 0, True)
+
+
+@pytest.mark.parametrize(
+    ("lack", "limit"), [("off", AWRY), ("last_off", CLOSE), ("depth", GRAZE), ("leap", LEAP)]
+)
+def test_a_rehearsal_forgives_so_much_and_no_more(arm, start, postures, learned, lack, limit):
+    """Off the path, off its end, inside of what is kept off, and from posture to posture."""
+    controller = begun(arm, start, learned)
+    motion = simulate(learned, controller.state, legs(arm, postures))
+    for share, passed in ((0.99, True), (1.01, False)):
+        scripted = Scripted(arm, **{lack: share * limit})
+        scripted._arm = SimpleNamespace(goal=motion.simulated.path[-1], palm=arm.palm)
+        controller.arm = controller.careful = scripted
+        assert controller.rehearse(motion) is passed
+
+
+def test_what_the_careful_arm_keeps_off_on_the_way_fails_it(arm, start, postures, learned):
+    controller = begun(arm, start, learned)
+    motion = simulate(learned, controller.state, legs(arm, postures))
+    midway = motion.simulated.path[motion.begins[1] // 3]
+    careful = arm.over(BENCH, [Obstacle(Cylinder(0.06, 0.3), midway)])
+    assert controller.rehearse(motion, hold=postures[1])
+    controller.careful = careful
+    assert not controller.rehearse(motion, hold=postures[1])
 
 
 def test_what_the_careful_arm_keeps_off_does_not_hinder_the_last_leg(arm, start, postures, learned):
