@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from motorprime import ArgumentTypeError, StateError
-from motorprime.evaluate.grasp import summary
-from motorprime.sim.glass import Tumbler
+from motorprime.evaluate.grasp_stand import summary
+from motorprime.sim.glass import Glass
 from motorprime.sim.scene import REGION
 from motorprime.tasks.grasp_stand import (
     HOLD,
@@ -24,7 +24,7 @@ from motorprime.tasks.grasp_stand import (
 pytestmark = pytest.mark.sim
 
 HEAVY = GraspTrial(
-    Tumbler(radius=0.0375, mass=0.3),
+    Glass(radius=0.0375, mass=0.3),
     (-0.30, 0.12),
     np.array([0.004, -0.004, 0.0]),
     np.array([0.0, 0.03, 0.0]),
@@ -105,7 +105,7 @@ def test_what_is_drawn_stays_within_its_limits_and_goes_to_them():
 
 def test_the_same_seed_draws_the_same_trial():
     first, again, other = (draw_grasp_trial(seed) for seed in (5, 5, 6))
-    assert (first.tumbler, first.xy) == (again.tumbler, again.xy) != (other.tumbler, other.xy)
+    assert (first.glass, first.xy) == (again.glass, again.xy) != (other.glass, other.xy)
     np.testing.assert_array_equal(first.off, again.off)
 
 
@@ -150,7 +150,7 @@ def test_the_summary_counts_by_mass_and_width_and_has_no_nan():
     good = GraspVerdict(
         True, pushed=0.001, dragged=0.01, toppled=0.1, lowest=0.06, slipped=0.0, pressure=40.0, torque=0.3
     )
-    light, heavy = (GraspTrial(Tumbler(radius=r, mass=m)) for r, m in ((0.030, 0.08), (0.0375, 0.30)))
+    light, heavy = (GraspTrial(Glass(radius=r, mass=m)) for r, m in ((0.030, 0.08), (0.0375, 0.30)))
     figures = summary([(light, good), (heavy, replace(good, pushed=0.003)), (heavy, GraspVerdict())])
     assert (figures["lifted"], figures["unreachable"]) == (2, 1)
     assert figures["by_mass_g"] == {"80-153": "1 of 1", "153-227": "0 of 0", "227-300": "1 of 2"}

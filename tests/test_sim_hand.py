@@ -8,10 +8,10 @@ from motorprime.sim.glass import (
     DIAMETERS,
     HEIGHTS,
     MASSES,
+    Glass,
     StandingGlass,
-    Tumbler,
     add_table,
-    draw_tumbler,
+    draw_glass,
 )
 from motorprime.sim.world import FRICTION, World, pybullet
 
@@ -42,7 +42,7 @@ def finger_joints(robot):
 @pytest.fixture
 def standing(world, tmp_path):
     table = add_table(world, TOP, (-0.62, -0.15), (-0.45, 0.45))
-    glass = StandingGlass(world, Tumbler(mass=0.2), (-0.4, -0.2), TOP, tmp_path)
+    glass = StandingGlass(world, Glass(mass=0.2), (-0.4, -0.2), TOP, tmp_path / "glass.obj")
     yield glass
     for body in (table, glass.body):
         world.bullet.removeBody(body)
@@ -124,7 +124,7 @@ def test_a_glass_stands_still_and_upright_on_its_table(world, standing):
 
 
 def test_a_tilted_glass_s_lowest_point_is_its_rim(world, standing):
-    angle, glass = 0.5, standing.tumbler
+    angle, glass = 0.5, standing.glass
     place = (-0.4, -0.2, TOP + 0.2)
     world.bullet.resetBasePositionAndOrientation(
         standing.body, place, (np.sin(angle / 2), 0.0, 0.0, np.cos(angle / 2))
@@ -164,7 +164,7 @@ def test_a_contact_s_depth_is_how_far_the_two_are_inside_each_other(world, stand
 
 
 def test_glasses_are_drawn_within_their_limits_and_all_over_them():
-    drawn = [draw_tumbler(seed) for seed in range(300)]
+    drawn = [draw_glass(seed) for seed in range(300)]
     for values, (low, high) in (
         ([glass.mass for glass in drawn], MASSES),
         ([2 * glass.radius for glass in drawn], DIAMETERS),
@@ -174,11 +174,11 @@ def test_glasses_are_drawn_within_their_limits_and_all_over_them():
         assert low <= min(values) < low + 0.05 * span
         assert high - 0.05 * span < max(values) <= high
     assert (MASSES, DIAMETERS) == ((0.080, 0.300), (0.060, 0.075))
-    assert draw_tumbler(7) == draw_tumbler(7) != draw_tumbler(8)
+    assert draw_glass(7) == draw_glass(7) != draw_glass(8)
 
 
 @pytest.mark.parametrize("name", ["radius", "height", "mass"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
 def test_a_glass_without_size_or_mass_is_named(name, value):
     with pytest.raises(ArgumentError, match=name):
-        Tumbler(**{name: value})
+        Glass(**{name: value})

@@ -5,6 +5,7 @@ import pytest
 
 from motorprime import ArgumentError, StateError
 from motorprime.sim.cameras import Eyes
+from motorprime.sim.glass import Glass
 from motorprime.sim.scene import (
     CANISTER,
     KITCHENWARE,
@@ -12,7 +13,6 @@ from motorprime.sim.scene import (
     TABLE_HEIGHT,
     TABLE_X,
     TABLE_Y,
-    Glass,
     Layout,
     Scene,
     draw_layout,

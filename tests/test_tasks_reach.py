@@ -12,7 +12,8 @@ from motorprime import ArgumentError, Attention, Error, KinematicProjection, Pin
 from motorprime.control.reaching import HAND, STANDOFF
 from motorprime.kinematics import apply
 from motorprime.sim.cameras import Eyes
-from motorprime.sim.scene import Glass, Layout, Scene
+from motorprime.sim.glass import Glass
+from motorprime.sim.scene import Layout, Scene
 from motorprime.sim.world import World, pybullet
 from motorprime.tasks.cycle import Settings
 from motorprime.tasks.reach import PERIOD, Reach

@@ -28,6 +28,7 @@ JOINT_SPEED = 2.0
 LEAD = 0.05
 """So far [m] the plan may run ahead of an arm that its limits, or what it keeps off, hold back."""
 THINNING = 0.6  # time in which the hand becomes slim, or itself again [s]
+FOLDED = 0.1  # a hand that is slimmer than this unfolds before it goes in
 STRIDE, TURN = 0.03, 0.25  # of the palm [m] and [rad], after which the arm is tried again in a rehearsal
 AWRY = 0.05  # so far off [m] the palm may be on the way: what matters there is what the arm keeps off,
 GRAZE = 0.01  # its margins but for so much [m],
@@ -67,7 +68,13 @@ class Controller:
         return self.arm.palm(self.angles)
 
     def begin(
-        self, angles: npt.ArrayLike, gaze: npt.ArrayLike, fixation: npt.ArrayLike, opening: float
+        self,
+        angles: npt.ArrayLike,
+        gaze: npt.ArrayLike,
+        fixation: npt.ArrayLike,
+        opening: float,
+        *,
+        slim: float = 0.0,
     ) -> None:
         """Start from where the robot is.
 
@@ -76,7 +83,9 @@ class Controller:
             gaze: posture (len(robot.gaze),) [rad].
             fixation: (3,) [m] the point that the eyes look at.
             opening: of the hand.
+            slim: how far it is in its slim shape, 0 to 1.
         """
+        self.slim = slim
         self.angles = fixed("angles", angles, (len(self.arm.names),))
         self.gaze = self.robot.gaze_posture(gaze)
         self._rehearsed = None
@@ -102,14 +111,17 @@ class Controller:
         parts = math.ceil(period / self.dynamics.largest_step - 1e-9)
         commands: list[dict[str, float]] = []
         for _ in range(steps):
-            motion = motion.advance(self.palm)
+            if self.slim < FOLDED or len(motion.legs) == 1 or motion.legs[1].slim:
+                # The arm itself must have come to the pre-grasp; a via-point only shapes the way.
+                motion = motion.advance(self.palm if len(motion.legs) <= 2 else self._state().palm)
             for _ in range(parts):
                 self.state = self.dynamics.step(self._state(), motion.legs[0].goal, period / parts)
             self._follow(self.arm if len(motion.legs) == 1 else self.careful, period)
             commands.append(dict(zip(self.arm.names, map(float, self.angles), strict=True)))
             if self.robot.hand is not None:
-                change = period / THINNING
-                self.slim += float(np.clip(motion.legs[0].slim - self.slim, -change, change))
+                leg, change = motion.legs[0], period / THINNING
+                away = float(np.linalg.norm(self.palm[:3, 3] - leg.goal.palm[:3, 3]))
+                self.slim += float(np.clip((leg.slim and away > leg.unfold) - self.slim, -change, change))
                 opening = self.grasp.opening(self._state().opening, self._away(motion))
                 commands[-1] |= self.robot.hand.targets(opening, slim=self.slim)
         self._turn_eyes(commands)

@@ -24,13 +24,15 @@ class Leg:
         goal: its attractor.
         near: distance [m] of the palm from it at which the next leg begins.
         turned: angle [rad] between the palm and the goal's below which it does.
-        slim: whether the hand is to be slim on it, as when it passes an obstacle.
+        slim: whether the hand is to be slim on it, as when it passes an obstacle,
+        unfold: until so near [m] to the goal. A leg to which the next one is not slim ends unfolded.
     """
 
     goal: Goal
     near: float = 0.03
     turned: float = math.inf
     slim: bool = False
+    unfold: float = 0.0
 
     def done(self, palms: Floats) -> NDArray[np.bool_]:
         """Whether (N,) palms (N, 4, 4) have come near enough."""

@@ -79,6 +79,8 @@ class PoseSolver:
         obstacles: what upper arm, forearm and hand keep off.
         margin: fraction of each joint's range kept off either limit, for a joint at its stop follows no
             correction.
+        torso: fraction of the torso's range, about its resting posture, that is used. One that bends and
+            turns as far as it can takes the other arm along, into the bench.
         preference: further residuals that shape the posture, for example :class:`.swivel.SwivelPreference`.
         tolerance: largest errors of a solved pose, [m] and [rad].
         seed: draws the postures that further starts are taken from.
@@ -95,6 +97,7 @@ class PoseSolver:
         obstacles: Sequence[Obstacle] = (),
         *,
         margin: float = 0.02,
+        torso: float = 1.0,
         preference: Preference | None = None,
         tolerance: tuple[float, float] = TOLERANCE,
         seed: int | np.random.Generator | None = 0,
@@ -106,7 +109,9 @@ class PoseSolver:
             raise ArgumentError(f"margin: expected less than half of a joint's range, got {margin}")
         place, turn = fixed("tolerance", tolerance, (2,))
         self.tolerance = positive("tolerance[0]", place), positive("tolerance[1]", turn)
-        limits = robot.limits(self.names)
+        if not 0.0 <= not_negative("torso", torso) <= 1.0:
+            raise ArgumentError(f"torso: expected a fraction from 0 to 1, got {torso}")
+        limits = _narrowed(robot, self.names, torso)
         span = limits[:, 1] - limits[:, 0]
         self.limits: Floats = limits + margin * np.column_stack([span, -span])
         self.rest = np.clip(robot.resting(self.names), self.limits[:, 0], self.limits[:, 1])
@@ -303,6 +308,15 @@ class _Goal:
     palm: Floats
     hold: Floats
     turning: Floats
+
+
+def _narrowed(robot: Robot, names: tuple[str, ...], torso: float) -> Floats:
+    """Limits (n, 2) [rad] of the joints, the torso's narrowed to a fraction of its range about rest."""
+    limits = robot.limits(names)
+    rest = robot.resting(names)[:, None]
+    shares = np.array([[torso if name in robot.torso else 1.0] for name in names])
+    narrowed: Floats = rest + shares * (limits - rest)
+    return narrowed
 
 
 def _turned(goal: Floats, palm: Floats) -> Floats:

@@ -52,8 +52,8 @@ def summary(done: list[tuple[GraspTrial, GraspVerdict]]) -> dict[str, Any]:
     return {
         "lifted": sum(verdict.lifted for verdict in verdicts),
         "unreachable": len(done) - len(ran),
-        "by_mass_g": _thirds(done, MASSES, lambda trial: trial.tumbler.mass, 1e3),
-        "by_diameter_mm": _thirds(done, DIAMETERS, lambda trial: 2 * trial.tumbler.radius, 1e3),
+        "by_mass_g": _thirds(done, MASSES, lambda trial: trial.glass.mass, 1e3),
+        "by_diameter_mm": _thirds(done, DIAMETERS, lambda trial: 2 * trial.glass.radius, 1e3),
         "median_pushed_mm": figure("pushed", np.median, 1e3),
         "max_pushed_mm": figure("pushed", np.max, 1e3),
         "median_dragged_mm": figure("dragged", np.median, 1e3),
@@ -66,15 +66,15 @@ def summary(done: list[tuple[GraspTrial, GraspVerdict]]) -> dict[str, Any]:
         "max_torso_torque_nm": figure("torso_torque", np.max),
         "median_pressure_n": figure("pressure", np.median),
         "least_pressure_by_weight": min(
-            (verdict.pressure / (GRAVITY * trial.tumbler.mass) for trial, verdict in ran), default=None
+            (verdict.pressure / (GRAVITY * trial.glass.mass) for trial, verdict in ran), default=None
         ),
         "max_depth_mm": figure("deepest", np.max, 1e3),
         "touched_table": sum(verdict.table_touched for verdict in verdicts),
         "details": [
             {
-                "mass_kg": trial.tumbler.mass,
-                "diameter_m": 2 * trial.tumbler.radius,
-                "height_m": trial.tumbler.height,
+                "mass_kg": trial.glass.mass,
+                "diameter_m": 2 * trial.glass.radius,
+                "height_m": trial.glass.height,
                 "xy_m": list(trial.xy),
                 "off_m": trial.off.tolist(),
                 "turned_rad": trial.turned.tolist(),

@@ -9,7 +9,7 @@ import numpy as np
 from ..peripersonal import ReachCloud
 from ..projection import Projection
 from ..robot import Robot
-from ..sim.scene import Glass
+from ..sim.glass import Glass
 from ..tasks.cycle import Settings
 from ..tasks.staging import target_of
 from ..tasks.trial import Trial, Verdict

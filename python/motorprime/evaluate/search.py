@@ -13,7 +13,8 @@ from ..detectors import Where
 from ..errors import NotInViewError
 from ..peripersonal import ReachCloud
 from ..robot import Robot
-from ..sim.scene import SMALL_GLASS, Glass, draw_layout
+from ..sim.glass import Glass
+from ..sim.scene import SMALL_GLASS, draw_layout
 from ..tasks.explore import Finder, Images, Target, everywhere, windows_anywhere, windows_from
 from ..tasks.staging import Stage, strike_seeing_posture, target_of
 from ..views import Views

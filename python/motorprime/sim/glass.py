@@ -18,7 +18,7 @@ HEIGHTS = (0.095, 0.105)  # [m]
 
 
 @dataclass(frozen=True)
-class Tumbler:
+class Glass:
     """A straight glass: radius, height [m], mass [kg] and colour."""
 
     radius: float = 0.0325
@@ -31,11 +31,11 @@ class Tumbler:
             positive(name, getattr(self, name))
 
 
-def draw_tumbler(seed: int | np.random.Generator | None = None) -> Tumbler:
+def draw_glass(seed: int | np.random.Generator | None = None) -> Glass:
     """A glass of 80 to 300 g, 60 to 75 mm wide, about 10 cm high, each drawn uniformly."""
     drawn = generator(seed)
     mass, diameter, height = (float(drawn.uniform(*bounds)) for bounds in (MASSES, DIAMETERS, HEIGHTS))
-    return Tumbler(radius=diameter / 2, height=height, mass=mass)
+    return Glass(radius=diameter / 2, height=height, mass=mass)
 
 
 class StandingGlass:
@@ -43,27 +43,25 @@ class StandingGlass:
 
     Args:
         world: with a table top at ``table`` [m].
-        tumbler: what stands there.
+        glass: what stands there.
         xy: (2,) of its axis [m] in the root frame.
         table: height of what it stands on [m].
-        folder: for its mesh.
+        mesh: file to write its mesh to.
     """
 
-    def __init__(
-        self, world: World, tumbler: Tumbler, xy: Sequence[float], table: float, folder: Path
-    ) -> None:
-        self.world, self.tumbler, self.table = world, tumbler, table
+    def __init__(self, world: World, glass: Glass, xy: Sequence[float], table: float, mesh: Path) -> None:
+        self.world, self.glass, self.table = world, glass, table
         x, y = fixed("xy", list(xy), (2,))
-        half, bullet = tumbler.height / 2, world.bullet
-        mesh = write_lathe(folder / "glass.obj", ((tumbler.radius, -half), (tumbler.radius, half)), sides=48)
+        half, bullet = glass.height / 2, world.bullet
+        write_lathe(mesh, ((glass.radius, -half), (glass.radius, half)), sides=48)
         self.body = int(
             bullet.createMultiBody(
-                baseMass=tumbler.mass,
+                baseMass=glass.mass,
                 baseVisualShapeIndex=bullet.createVisualShape(
-                    pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=[*tumbler.rgb, 1]
+                    pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=[*glass.rgb, 1]
                 ),
                 baseCollisionShapeIndex=bullet.createCollisionShape(
-                    pybullet.GEOM_CYLINDER, radius=tumbler.radius, height=tumbler.height
+                    pybullet.GEOM_CYLINDER, radius=glass.radius, height=glass.height
                 ),
                 basePosition=(x, y, table + half),
             )
@@ -84,7 +82,7 @@ class StandingGlass:
         """Height [m] of the lowest point above the table."""
         (_, _, z), axis = self.pose()
         sine = float(np.hypot(axis[0], axis[1]))
-        lowest = z - abs(float(axis[2])) * self.tumbler.height / 2 - sine * self.tumbler.radius
+        lowest = z - abs(float(axis[2])) * self.glass.height / 2 - sine * self.glass.radius
         return float(lowest) - self.table
 
     def touched_by(self) -> set[int]:

@@ -13,24 +13,15 @@ from numpy.typing import NDArray
 
 from .._arrays import Floats
 from ..errors import ArgumentError, StateError
+from .glass import Glass, StandingGlass
 from .meshes import write_lathe, write_plane
-from .world import World, pybullet
+from .world import World, pybullet, rub
 
 TABLE_HEIGHT = -0.06  # of the table's top in the root frame [m]: elbow height of an upright iCub
 TABLE_THICKNESS = 0.03
 REGION = ((-0.34, -0.22), (0.0, 0.20))  # x and y where a drawn glass stands [m]
 HAND_ROOM = 0.16  # depth of the free strip beside and before the glass, from its axis [m]: fingers are long
 TABLE_X, TABLE_Y = (-0.62, -0.15), (-0.45, 0.45)
-
-
-@dataclass(frozen=True)
-class Glass:
-    """An upright cylinder: its radius, height [m], colour and mass [kg]."""
-
-    radius: float = 0.0325
-    height: float = 0.10
-    rgb: tuple[float, float, float] = (0.80, 0.06, 0.09)
-    mass: float = 0.15
 
 
 SMALL_GLASS = Glass(radius=0.014, height=0.056)
@@ -159,7 +150,9 @@ class Scene:
         self._folder = tempfile.TemporaryDirectory(prefix="motorprime-")
         folder = Path(self._folder.name)
         generator = np.random.default_rng(layout.textures)
-        self.glass: int | None = _stand_glass(world, folder / "glass.obj", layout.glass, layout.glass_xy)
+        self.glass: int | None = StandingGlass(
+            world, layout.glass, layout.glass_xy, TABLE_HEIGHT, folder / "glass.obj"
+        ).body
         self.obstacle: int | None = None
         self.clutter = [
             _stand_thing(world, folder, thing, spot, k) for k, (thing, spot) in enumerate(layout.clutter)
@@ -206,8 +199,8 @@ class Scene:
         if self.obstacle is not None:
             raise StateError("the scene has an obstacle already")
         place = _on_table(at, shape)
-        path = Path(self._folder.name) / "obstacle.obj"
-        self.obstacle = _stand_glass(self.world, path, shape, (float(place[0]), float(place[1])))
+        mesh = Path(self._folder.name) / "obstacle.obj"
+        self.obstacle = StandingGlass(self.world, shape, place.tolist(), TABLE_HEIGHT, mesh).body
 
     def remove_obstacle(self) -> None:
         """Take the obstacle away."""
@@ -267,21 +260,6 @@ def _body(
     )
 
 
-def _stand_glass(world: World, path: Path, glass: Glass, at: tuple[float, float]) -> int:
-    bullet = world.bullet
-    half = glass.height / 2
-    mesh = write_lathe(path, ((glass.radius, -half), (glass.radius, half)), sides=48)
-    body = _body(
-        world,
-        _mesh(world, mesh, glass.rgb),
-        bullet.createCollisionShape(pybullet.GEOM_CYLINDER, radius=glass.radius, height=glass.height),
-        (*at, TABLE_HEIGHT + half),
-        mass=glass.mass,
-    )
-    bullet.changeDynamics(body, -1, lateralFriction=0.8)
-    return body
-
-
 def _stand_thing(world: World, folder: Path, thing: Thing, spot: tuple[float, float], k: int) -> int:
     mesh = str(write_lathe(folder / f"{thing.name}-{k}.obj", thing.profile))
     bullet = world.bullet
@@ -308,7 +286,7 @@ def _build_room(world: World, folder: Path, generator: np.random.Generator) -> i
         bullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half),
         middle,
     )
-    bullet.changeDynamics(table, -1, lateralFriction=0.8)
+    rub(bullet, table)
     _paint(world, table, folder / "top.png", wood)
     near, far, left, right, low = (
         TABLE_X[1],

@@ -12,7 +12,7 @@ from ..camera import Camera, PosedCamera
 from .bystander import looking_at
 from .cameras import Light, render
 from .meshes import write_lathe
-from .scene import Glass
+from .glass import Glass
 from .world import connect, pybullet
 
 _LIGHTS = (

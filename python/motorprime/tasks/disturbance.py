@@ -10,7 +10,8 @@ import numpy as np
 
 from .._arrays import Floats
 from ..errors import StateError
-from ..sim.scene import REGION, Glass, Scene
+from ..sim.glass import Glass
+from ..sim.scene import REGION, Scene
 from .cycle import Cycle
 
 JUMP = 0.10  # of the glass [m]
@@ -126,6 +127,25 @@ def spot_between(
                 yield spot
 
     return _first(spots(), leaves_room, "obstacle: there is no room for one between the hand and the glass")
+
+
+def spot_anywhere(
+    scene: Scene, generator: np.random.Generator, leaves_room: Callable[[tuple[float, float]], bool]
+) -> tuple[float, float]:
+    """A place in reach for the glass, with room around it; as :func:`spot_beside` otherwise.
+
+    Raises:
+        StateError: none was found.
+    """
+    radius = scene.layout.glass.radius
+
+    def spots() -> Iterator[Floats]:
+        for _ in range(ATTEMPTS):
+            spot = np.array([generator.uniform(*bounds) for bounds in REGION])
+            if _room(scene, spot, radius, ROOM):
+                yield spot
+
+    return _first(spots(), leaves_room, "glass: no place in reach is free")
 
 
 def _first(

@@ -25,7 +25,7 @@ from ..control.side_grasp import SIDE_GRASP, SideGrasp
 from ..errors import StateError, UnreachableError
 from ..kinematics import transform
 from ..robot import Robot
-from ..sim.glass import StandingGlass, Tumbler, add_table, draw_tumbler
+from ..sim.glass import Glass, StandingGlass, add_table, draw_glass
 from ..sim.scene import REGION, TABLE_HEIGHT, TABLE_X, TABLE_Y
 from ..sim.world import STEP, World
 
@@ -44,13 +44,13 @@ class GraspTrial:
     """What is drawn for one trial.
 
     Attributes:
-        tumbler: the glass.
+        glass: what stands there.
         xy: (2,) of its axis [m] in the root frame.
         off: (3,) [m] of the palm from where it ought to be, in the root frame.
         turned: (3,) rotation vector [rad] of the palm from how it ought to be turned.
     """
 
-    tumbler: Tumbler = field(default_factory=Tumbler)
+    glass: Glass = field(default_factory=Glass)
     xy: tuple[float, float] = (-0.28, 0.10)
     off: Floats = field(default_factory=lambda: np.zeros(3))
     turned: Floats = field(default_factory=lambda: np.zeros(3))
@@ -58,17 +58,17 @@ class GraspTrial:
     @property
     def centre(self) -> Floats:
         """Middle (3,) of the glass's axis [m]."""
-        return np.array([*self.xy, TABLE_HEIGHT + self.tumbler.height / 2])
+        return np.array([*self.xy, TABLE_HEIGHT + self.glass.height / 2])
 
 
 def draw_grasp_trial(seed: int | np.random.Generator | None = None) -> GraspTrial:
     """A glass within the limits, within the arm's reach, and a palm up to 4 mm and 2 degrees off."""
     drawn = generator(seed)
-    tumbler = draw_tumbler(drawn)
+    glass = draw_glass(drawn)
     x, y = (float(drawn.uniform(*bounds)) for bounds in REGION)
     axis = drawn.normal(size=3)
     turned = drawn.uniform(0.0, TURNED) * axis / np.linalg.norm(axis)
-    return GraspTrial(tumbler, (x, y), drawn.uniform(-OFF, OFF, 3), turned)
+    return GraspTrial(glass, (x, y), drawn.uniform(-OFF, OFF, 3), turned)
 
 
 @dataclass
@@ -140,7 +140,9 @@ class GraspStand:
             folder = unwinding.enter_context(tempfile.TemporaryDirectory(prefix="motorprime-"))
             self.world = unwinding.enter_context(World(robot, gui=gui))
             self.table = add_table(self.world, TABLE_HEIGHT, TABLE_X, TABLE_Y)
-            self.glass = StandingGlass(self.world, trial.tumbler, trial.xy, TABLE_HEIGHT, Path(folder))
+            self.glass = StandingGlass(
+                self.world, trial.glass, trial.xy, TABLE_HEIGHT, Path(folder) / "glass.obj"
+            )
             self._closing = unwinding.pop_all()
         self._groups: Mapping[str, Sequence[str]] = {
             "torque": [j for j, terms in robot.couplings.items() if set(terms) & set(self.hand.motors)],
@@ -189,7 +191,7 @@ class GraspStand:
     def _plan(self) -> tuple[Floats, Floats]:
         """Joints (WAYPOINTS, n) of the approach and of the lift, with the palm off as the trial has it."""
         grasp, trial, solver = self.grasp, self.trial, self.solver
-        radius = trial.tumbler.radius
+        radius = trial.glass.radius
         chosen = choose_grasp(
             solver,
             lambda azimuth: grasp.pose(trial.centre, azimuth, radius),

@@ -38,8 +38,12 @@ from .timing import Clock
 
 SURVEYS = 4  # cycles that the way is looked at before the arm moves
 BACK = 0.10  # from the grasp to the pre-grasp [m]: there the thumb is not beside the target yet
+UNFOLD = 0.08  # from here to the pre-grasp [m] the thumb comes out
 BEFORE, BEFORE_TURNED = 0.008, float(np.deg2rad(6.0))  # of the palm from the pre-grasp [m], [rad]
+TORSO = 0.5  # of the torso's range: beyond, the other arm would come over the bench
 ARRIVED = 0.004  # of the palm from the grasp [m]
+# Or as far, once it has come no closer by so much [m] in so many cycles.
+NEARLY, CREEP, SETTLED = 0.010, 0.0005, 4
 TURNED = float(np.deg2rad(3.0))
 PATIENCE = 15.0  # a movement that takes longer has failed [s]
 NEAR = 0.06  # from here [m] the hand hides the target, and what is known of it stays
@@ -48,6 +52,7 @@ STARTLED = 1.0  # so long [s] after a jump or a loss attention is wider,
 WIDER = 2.0  # this many times
 LOST = 8  # cycles without the target until it is searched again
 OPENING = 0.5  # time in which the hand opens [s]
+STUCK, STIRRED = 1.0, 0.01  # an arm that turned no joint so far [rad] in so long [s] is stuck
 CLOSING = 1.0  # time in which the hand closes [s]
 LIFTING, HOLDING = 1.5, 1.2  # time to lift and to hold [s]
 
@@ -92,12 +97,13 @@ class Pick(Seeker):
         if body.robot.hand is None:
             raise ArgumentError(f"body: a robot with a hand expected, '{body.robot.name}' has none")
         self.bench, self.hand = bench, body.robot.hand
-        self.controller = Controller(dynamics, PoseSolver(body.robot, bench))
+        self.controller = Controller(dynamics, PoseSolver(body.robot, bench, torso=TORSO))
         self.grasp: Grasp | None = None
         self.motion: Motion | None = None
         self._chosen_for = np.zeros(3)
-        self._opening = self.hand.widest
         self._avoided: list[Obstacle] = []
+        self._least, self._still = np.inf, 0
+        self._last, self._stirred = self.controller.angles, 0.0
         self._wide_until, self._unseen, self._stale = -np.inf, 0, False
 
     def _act(self) -> Iterator[Cycle]:
@@ -137,12 +143,13 @@ class Pick(Seeker):
         for pose in (before, palm):
             pose[:3, 3] += self.estimate - self._chosen_for
         return (
-            Leg(Goal(self.estimate, before, 1.0, 0.0), BEFORE, BEFORE_TURNED),
+            Leg(Goal(self.estimate, before, 1.0, 0.0), BEFORE, BEFORE_TURNED, slim=True, unfold=UNFOLD),
             Leg(Goal(self.estimate, palm)),
         )
 
     def _begin(self, fixation: Floats) -> None:
-        self.controller.begin(self._angles(), self.body.read(self.body.robot.gaze), fixation, self._opening)
+        gaze, slim = self.body.read(self.body.robot.gaze), self.controller.slim
+        self.controller.begin(self._angles(), gaze, fixation, self.hand.widest, slim=slim)
 
     def _survey(self) -> Iterator[Cycle]:
         """Look along the way that the hand would take: what is on it?"""
@@ -153,7 +160,9 @@ class Pick(Seeker):
             self._turn_gaze(fixate(self.body.robot, self.body.read(self.body.robot.gaze), middle))
         except UnreachableError:
             middle = self.estimate
-        self.body.move(self.hand.targets(self._opening), OPENING)
+        # The thumb stays folded: swung out here, it might hit what has not been seen yet.
+        self.body.move(self.hand.targets(self.hand.widest, slim=1.0), OPENING)
+        self.controller.slim = 1.0
         self._begin(middle)
         state = self.controller.state
         assert state is not None
@@ -180,7 +189,7 @@ class Pick(Seeker):
         self._stale = False
 
     def _approach(self) -> Iterator[Cycle]:
-        start = self.body.time
+        start = self._stirred = self.body.time
         while True:
             assert self.motion is not None and self.controller.state is not None
             ahead = simulate(self.controller.dynamics, self.controller.state, self.motion.legs).simulated
@@ -200,7 +209,17 @@ class Pick(Seeker):
             if self.body.time - start > PATIENCE:
                 self._end("missed", f"the palm stopped {self._left() * 1e3:.0f} mm from the grasp")
                 return
+            self._stale = self._stale or self._stuck()
             self._advance(PERIOD)
+
+    def _stuck(self) -> bool:
+        """Whether the arm has stood still for a while, short of the grasp: then another way is planned."""
+        if np.abs(self.controller.angles - self._last).max() > STIRRED:
+            self._last, self._stirred = self.controller.angles, self.body.time
+        if self.body.time - self._stirred < STUCK:
+            return False
+        self._stirred = self.body.time
+        return True
 
     def _search_again(self) -> Iterator[Cycle]:
         """The target is not where it was, nor on the way: look for it in all the space in reach."""
@@ -261,7 +280,11 @@ class Pick(Seeker):
 
     def _there(self) -> bool:
         assert self.motion is not None
-        if len(self.motion.legs) > 1 or self._left() > ARRIVED:
+        left = self._left()
+        closer = left < self._least - CREEP
+        self._least = left if closer or len(self.motion.legs) > 1 else self._least
+        self._still = 0 if closer or len(self.motion.legs) > 1 else self._still + 1
+        if len(self.motion.legs) > 1 or left > (NEARLY if self._still >= SETTLED else ARRIVED):
             return False
         turned = self.controller.palm[:3, :3].T @ self.motion.goal.palm[:3, :3]
         return bool(np.trace(turned) > 1.0 + 2.0 * np.cos(TURNED))

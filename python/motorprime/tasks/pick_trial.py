@@ -15,12 +15,12 @@ from ..control.clearance import Obstacle
 from ..control.pose import PoseSolver
 from ..errors import StateError, UnreachableError
 from ..robot import Robot
-from ..sim.glass import draw_tumbler
-from ..sim.scene import CANISTER, TABLE_HEIGHT, Glass
+from ..sim.glass import Glass, draw_glass
+from ..sim.scene import CANISTER, TABLE_HEIGHT
 from ..sim.world import STEP
 from .cycle import Cycle, Settings
-from .disturbance import Disturbance, spot_between
-from .pick import Pick, choose
+from .disturbance import Disturbance, spot_anywhere, spot_between
+from .pick import TORSO, Pick, choose
 from .staging import cylinder_of, strike_start, target_of
 from .trial import BENCH, Staged
 
@@ -28,7 +28,7 @@ LIFTED, HELD = 0.05, 1.0
 """The glass counts as lifted when its bottom stays so high over the table [m] for so long [s]."""
 
 AWAY = 0.26  # of the palm's start from the glass when something is to stand between [m]
-STARTS = 40  # until there is room for an obstacle
+STARTS, STARTS_A_PLACE = 80, 5  # until there is room for an obstacle, and with the glass at one place
 APPEARING, JUMPING = (0.0, 0.3), (0.2, 0.8)  # when that happens, after the hand has set out [s]
 
 
@@ -86,7 +86,7 @@ class PickTrial(Staged):
         **others: Any,
     ) -> None:
         self._obstacle, self._perturb = obstacle, perturb
-        self._arm = PoseSolver(robot, BENCH)
+        self._arm = PoseSolver(robot, BENCH, torso=TORSO)
         super().__init__(robot, seed, **others)
         self.disturbance = None
         if perturb:
@@ -140,19 +140,20 @@ class PickTrial(Staged):
         )
 
     def _draw_glass(self) -> Glass:
-        drawn = draw_tumbler(self.generator)
-        return Glass(drawn.radius, drawn.height, mass=drawn.mass)
+        return draw_glass(self.generator)
 
     def _strike(self) -> None:
         if not self._obstacle:
             strike_start(self.stage, self.generator)
             return
-        for _ in range(STARTS):
-            strike_start(self.stage, self.generator, away=AWAY)
-            if self._perturb:
-                return  # it appears later
-            palm = self.stage.world.palm_pose()[:3, 3]
+        for attempt in range(STARTS):
+            if attempt % STARTS_A_PLACE == STARTS_A_PLACE - 1:
+                self.stage.scene.move_glass(spot_anywhere(self.stage.scene, self.generator, self._may_stand))
             try:
+                strike_start(self.stage, self.generator, away=AWAY)
+                if self._perturb:
+                    return  # it appears later
+                palm = self.stage.world.palm_pose()[:3, 3]
                 spot = spot_between(self.stage.scene, CANISTER, palm, self.generator, self._leaves_room)
             except StateError:
                 continue

@@ -22,7 +22,8 @@ from ..errors import StateError
 from ..projection import KinematicProjection
 from ..robot import Robot
 from ..sim.cameras import Eyes, Frame, Light
-from ..sim.scene import TABLE_HEIGHT, Glass, Layout, Scene
+from ..sim.glass import Glass
+from ..sim.scene import TABLE_HEIGHT, Layout, Scene
 from ..sim.showing import show_glass
 from ..sim.world import World
 from .explore import Target

@@ -15,7 +15,8 @@ from ..peripersonal import ReachCloud
 from ..peripersonal_model import PeripersonalModel
 from ..projection import Projection
 from ..robot import Robot
-from ..sim.scene import TABLE_HEIGHT, TABLE_X, Glass, draw_layout
+from ..sim.glass import Glass
+from ..sim.scene import TABLE_HEIGHT, TABLE_X, draw_layout
 from .cycle import Settings
 from .explore import Target
 from .reach import Reach
