@@ -11,6 +11,7 @@ from motorprime.control.clearance import Obstacle
 from motorprime.control.controller import (
     AWRY,
     CLOSE,
+    FOLDED,
     GRAZE,
     JOINT_SPEED,
     LEAD,
@@ -21,6 +22,7 @@ from motorprime.control.controller import (
 from motorprime.control.gaze import fixate
 from motorprime.control.motion import Leg, simulate
 from motorprime.control.movement import Goal
+from motorprime.control.obstacle import plan_motion
 from motorprime.control.pose import PoseSolution, PoseSolver
 from motorprime.control.reaching import Bench
 from motorprime.control.side_grasp import SIDE_GRASP
@@ -289,31 +291,53 @@ def test_careful_holds_on_all_legs_but_the_last(arm, start, postures):
 # The slim hand.
 
 
-def test_the_hand_becomes_slim_on_a_via_leg_and_itself_again_behind_it(icub, arm, start, postures):
+def test_the_hand_becomes_slim_on_a_slim_leg_and_unfolds_before_the_last(icub, arm, start, postures):
     dynamics = simple()
     controller = begun(arm, start, dynamics)
-    motion = simulate(dynamics, controller.state, legs(arm, postures, slim=True))
+    motion = simulate(dynamics, controller.state, legs(arm, postures, slim=True, unfold=0.03))
     slims = []
     _, commands = drive(
         controller, motion, 5.0, lambda motion: slims.append((len(motion.legs), controller.slim))
     )
-    via = [slim for count, slim in slims if count == 2]
-    assert via == sorted(via)
-    assert max(slim for _, slim in slims) == pytest.approx(1.0)
+    assert max(slim for count, slim in slims if count == 2) == pytest.approx(1.0)
+    assert max(slim for count, slim in slims if count == 1) < FOLDED
     assert slims[-1] == (1, 0.0)
-    steps = np.abs(np.diff([0.0] + [slim for _, slim in slims]))
+    steps = np.abs(np.diff([0.0, *(slim for _, slim in slims)]))
     assert steps.max() <= PERIOD / THINNING + 1e-9
-    thin = icub.hand.shape(icub.hand.slim)
     most = max(range(len(slims)), key=lambda k: slims[k][1])
     command = commands[STEPS * (most + 1) - 1]
-    for motor, angle in thin.items():
+    for motor, angle in icub.hand.shape(icub.hand.slim).items():
         assert command[motor] == pytest.approx(angle, abs=1e-9)
+
+
+def test_a_hand_may_begin_slim(icub, arm, start, postures):
+    controller = begun(arm, start, simple())
+    gaze = controller.gaze.copy()
+    controller.begin(start, gaze, GLASS, 1.0, slim=1.0)
+    assert controller.slim == 1.0
+    motion = simulate(simple(), controller.state, legs(arm, postures, slim=True, unfold=0.0))
+    _, commands = controller.advance(motion, PERIOD)
+    for motor, angle in icub.hand.shape(icub.hand.slim).items():
+        assert commands[0][motor] == pytest.approx(angle, abs=1e-9)
+
+
+@pytest.mark.xfail(reason="a slim leg before the last one never unfolds without `unfold`", strict=True)
+def test_the_way_past_an_obstacle_to_a_single_goal_is_followed_to_its_end(arm, start, postures):
+    """plan_motion's own via-point is slim and names no place to unfold."""
+    controller = begun(arm, start, simple())
+    goal = legs(arm, postures)[0].goal
+    middle = (arm.palm(start)[:3, 3] + goal.palm[:3, 3]) / 2.0
+    obstacle = Obstacle(Cylinder(0.02, 0.10), middle + np.array([-0.05, 0.0, 0.0]))
+    motion = plan_motion(simple(), controller.state, [Leg(goal)], [obstacle])
+    assert len(motion.legs) == 2
+    left, _ = drive(controller, motion, 6.0)
+    assert len(left.legs) == 1
 
 
 def test_slim_or_not_no_finger_jumps(icub, arm, start, postures):
     dynamics = simple()
     controller = begun(arm, start, dynamics)
-    motion = simulate(dynamics, controller.state, legs(arm, postures, slim=True))
+    motion = simulate(dynamics, controller.state, legs(arm, postures, slim=True, unfold=0.08))
     _, commands = drive(controller, motion, 5.0)
     first = list(icub.hand.targets(1.0).values())
     path = np.vstack([first, column(commands, icub.hand.motors)])
