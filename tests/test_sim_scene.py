@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from motorprime import StateError
+from motorprime import ArgumentError, StateError
 from motorprime.sim.cameras import Eyes
 from motorprime.sim.glass import Glass
 from motorprime.sim.scene import (
+    CANISTER,
     KITCHENWARE,
     SMALL_GLASS,
     TABLE_HEIGHT,
@@ -136,6 +137,124 @@ def test_the_glass_can_be_taken_away(world, scene):
     world.place(LOOKING_DOWN)
     for frame in Eyes(world).capture().values():
         assert not (frame.body == body).any()
+
+
+# What an experimenter does to a scene.
+
+
+def free_spot(scene):
+    """A place on the table with room all about."""
+    others = np.array([scene.layout.glass_xy, *(spot for _, spot in scene.layout.clutter)])
+    grid = np.stack(np.meshgrid(np.linspace(-0.55, -0.22, 20), np.linspace(-0.38, 0.38, 40)), -1).reshape(
+        -1, 2
+    )
+    gaps = np.linalg.norm(grid[:, None] - others, axis=2).min(axis=1)
+    return tuple(map(float, grid[int(np.argmax(gaps))]))
+
+
+def test_an_obstacle_stands_upright_on_the_table_where_it_is_put(world, scene):
+    spot = free_spot(scene)
+    assert scene.obstacle is None
+    scene.stand_obstacle(CANISTER, spot)
+    assert scene.name_of(scene.obstacle) == "obstacle"
+    world.step(240)
+    place, turn = world.bullet.getBasePositionAndOrientation(scene.obstacle)
+    np.testing.assert_allclose(place, [*spot, TABLE_HEIGHT + CANISTER.height / 2], atol=1e-3)
+    assert np.reshape(world.bullet.getMatrixFromQuaternion(turn), (3, 3))[2, 2] > np.cos(np.deg2rad(0.5))
+    dynamics = world.bullet.getDynamicsInfo(scene.obstacle, -1)
+    assert dynamics[0] == pytest.approx(CANISTER.mass)
+
+
+def test_an_obstacle_is_seen_in_a_colour_that_nothing_else_has(world, scene):
+    world.place(LOOKING_DOWN)
+    before = Eyes(world).capture()["left"]
+    scene.stand_obstacle(CANISTER, (-0.40, 0.0))
+    after = Eyes(world).capture()["left"]
+    mask = after.body == scene.obstacle
+    assert mask.sum() > 200
+    teal = (after.rgb[..., 1].astype(int) > 1.6 * after.rgb[..., 0]) & (after.rgb[..., 2] > after.rgb[..., 1])
+    assert teal[mask].mean() > 0.9
+    assert teal[~mask].mean() < 0.01
+    assert (before.body != scene.obstacle).all()
+
+
+def test_there_is_one_obstacle_at_a_time_and_it_can_be_taken_away(world, scene):
+    spot = free_spot(scene)
+    scene.stand_obstacle(CANISTER, spot)
+    with pytest.raises(StateError, match="an obstacle already"):
+        scene.stand_obstacle(CANISTER, spot)
+    body = scene.obstacle
+    scene.remove_obstacle()
+    scene.remove_obstacle()
+    assert scene.obstacle is None
+    assert body not in [world.bullet.getBodyUniqueId(k) for k in range(world.bullet.getNumBodies())]
+    scene.stand_obstacle(CANISTER, spot)
+    assert scene.obstacle is not None
+
+
+@pytest.mark.parametrize(
+    "at", [(-0.15, 0.0), (-0.62, 0.0), (-0.3, 0.45), (-0.3, -0.45), (1.0, 1.0), (np.nan, 0.0)]
+)
+def test_nothing_is_put_beside_the_table(world, scene, at):
+    with pytest.raises(ArgumentError, match="at: "):
+        scene.stand_obstacle(CANISTER, at)
+    assert scene.obstacle is None
+    with pytest.raises(ArgumentError, match="at: "):
+        scene.move_glass(at)
+    np.testing.assert_allclose(scene.glass_pose()[0][:2], scene.layout.glass_xy, atol=1e-3)
+    assert not scene.on_table(np.array(at), 0.03)
+
+
+def test_on_table_counts_the_whole_foot(scene):
+    near = TABLE_X[1] - 0.03
+    assert scene.on_table(np.array([near - 1e-6, 0.0]), 0.03)
+    assert not scene.on_table(np.array([near + 1e-6, 0.0]), 0.03)
+    assert scene.on_table(np.array([-0.3, TABLE_Y[0] + 0.031]), 0.03)
+    assert not scene.on_table(np.array([-0.3, TABLE_Y[0] + 0.029]), 0.03)
+
+
+def test_a_glass_that_is_moved_stands_there_upright_and_at_rest(world, scene):
+    spot = free_spot(scene)
+    world.bullet.resetBaseVelocity(scene.glass, (0.5, 0.0, 0.0), (3.0, 0.0, 0.0))
+    world.step(10)
+    scene.move_glass(spot)
+    assert np.abs(np.array(world.bullet.getBaseVelocity(scene.glass))).max() == 0.0
+    for _ in range(2):
+        centre, axis = scene.glass_pose()
+        np.testing.assert_allclose(centre, [*spot, TABLE_HEIGHT + scene.layout.glass.height / 2], atol=1e-3)
+        assert axis[2] > np.cos(np.deg2rad(0.5))
+        world.step(240)
+
+
+def test_a_glass_that_is_not_there_cannot_be_moved(scene):
+    scene.remove_glass()
+    with pytest.raises(StateError, match="no glass"):
+        scene.move_glass((-0.3, 0.1))
+    assert scene.touching_glass() == set()
+
+
+def test_what_touches_the_glass_is_told_by_name_and_the_robot_is_left_out(world, scene):
+    assert scene.touching_glass() == {"table"}
+    x, y = scene.layout.glass_xy
+    scene.stand_obstacle(CANISTER, (x, y + scene.layout.glass.radius + CANISTER.radius - 0.002))
+    world.bullet.performCollisionDetection()
+    assert scene.touching_glass() == {"table", "obstacle"}
+    palm = world.palm_pose()[:3, 3]
+    world.bullet.resetBasePositionAndOrientation(scene.glass, palm.tolist(), (0, 0, 0, 1))
+    world.bullet.performCollisionDetection()
+    assert scene.glass in world.touching()
+    assert scene.touching_glass() == set()
+
+
+def test_glass_and_robot_rub_as_they_are_said_to_and_nothing_keeps_a_glass_from_rolling(world, scene):
+    for body in (scene.glass, scene.table):
+        friction = world.bullet.getDynamicsInfo(body, -1)
+        assert friction[1] == pytest.approx(0.8)
+        assert friction[6] == friction[7] == 0.0  # rolling, spinning
+    for link in world.link_index.values():
+        friction = world.bullet.getDynamicsInfo(world.body, link)
+        assert friction[1] <= 0.8 + 1e-9
+        assert friction[6] == friction[7] == 0.0
 
 
 def picture(icub, drawn):
