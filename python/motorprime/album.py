@@ -29,7 +29,7 @@ _MOMENTS = {
     LEAD: _ALONG,
     "Something happens": "What the robot knew is no longer so; it looks, and plans anew",
     "Arrival": "The palm is beside the target, and hides part of it",
-    "Grasp": "The hand has closed; it is kept where the target was seen last",
+    "Grasp": "The hand has closed around the target; what it leaves free is still seen",
     "Lift": "Thumb and fingers hold the target by friction alone",
 }
 """Moments of a run in their order, and what happens in each."""
@@ -40,7 +40,7 @@ _OUTSIDE = {
     LEAD: "The hand is on its way",
     "Arrival": "The hand is in place, still open",
     "Grasp": "The hand has closed",
-    "Lift": "The end",
+    "Lift": "The hand has lifted what it holds",
 }
 """The same as a bystander sees them."""
 

@@ -185,8 +185,10 @@ def _told(cycle: Cycle, trial: PickTrial, event: str) -> Cycle:
             seen[camera] = (*seen.get(camera, ()), outline)
     opening = None
     if motion is not None and controller.state is not None:
-        away = float(np.linalg.norm(controller.palm[:3, 3] - motion.goal.palm[:3, 3]))
-        opening = controller.grasp.opening(controller.state.opening, away)
+        opening = controller.state.opening
+        if cycle.phase == "reach":  # before the palm is there the hand stays wider than the dynamics say
+            away = float(np.linalg.norm(controller.palm[:3, 3] - motion.goal.palm[:3, 3]))
+            opening = controller.grasp.opening(opening, away)
     legs = () if motion is None else tuple(leg.goal.palm[:3, 3] for leg in motion.legs)
     return replace(cycle, outlines=seen, legs=legs, opening=opening, event=event)
 
@@ -243,13 +245,10 @@ def closing(result: dict[str, Any]) -> list[tuple[str, bool]]:
     judged, meta = result["judged"], result["meta"]
     lines = []
     if judged["lifted"]:
+        glass = f"{1e3 * judged['mass_kg']:.0f} g and {1e3 * judged['width_m']:.0f} mm width"
+        height = f"{100 * judged['height_m']:.1f} cm"
         lines.append(
-            (
-                f"Lifted: for a second the glass of {1e3 * judged['mass_kg']:.0f} g, "
-                f"{1e3 * judged['width_m']:.0f} mm wide, was {100 * judged['height_m']:.1f} cm over the table, held "
-                "by friction alone.",
-                True,
-            )
+            (f"Lifted: a glass of {glass}, for a second {height} over the table, by friction alone.", True)
         )
     elif result["outcome"] == "lifted":
         lines.append(("The robot takes the glass to be lifted; judged from outside it is not.", False))

@@ -23,6 +23,7 @@ from .viz import (
     side_by_side,
     stereo_panel,
     story,
+    text_width,
     write,
 )
 
@@ -175,7 +176,7 @@ def figures(cycle: Cycle, width: int, height: int = 420) -> Picture:
         write(board, f"Palm {away:.1f} cm from the grasp", (left, 322), size=0.62, colour=PAPER)
     if cycle.opening is not None:
         hand = "Hand squeezes" if cycle.opening < 0.0 else f"Hand {cycle.opening:.0%} open"
-        write(board, hand, (width // 2 + left, 322), size=0.62, colour=PAPER)
+        write(board, hand, (width - left - text_width(hand, 0.62), 322), size=0.62, colour=PAPER)
     strip = legend_strip(width - left)
     top = min(366, height - strip.shape[0] - 10)
     room = board[top : top + strip.shape[0], left - 8 : left - 8 + strip.shape[1]]

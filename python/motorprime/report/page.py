@@ -20,7 +20,7 @@ from .text import (
     pairs,
 )
 
-EMBED_LIMIT = 8_000_000  # a larger video is linked instead [bytes]
+EMBED_LIMIT = 20_000_000  # a larger video is linked instead [bytes]
 
 
 def write_report(

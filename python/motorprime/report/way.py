@@ -33,7 +33,7 @@ def movement_shots(data: Mapping[str, Any]) -> list[Shot]:
     if len(moving) < 2:
         return []
     with styled():
-        return [_over_time(planned), _from_above(moving, data["judged"].get("width_m"))]
+        return [_over_time(planned), _from_outside(moving, data["judged"].get("width_m"))]
 
 
 def _over_time(history: Sequence[Mapping[str, Any]]) -> Shot:
@@ -94,54 +94,67 @@ def _errors(axes: Axes, history: Sequence[Mapping[str, Any]]) -> str:
     return "Dashed: how far the estimated place of the target is from the true one, until the hand closes. "
 
 
-def _from_above(moving: Sequence[Mapping[str, Any]], width: float | None) -> Shot:
-    """The palm's path seen from above, the robot below."""
-    figure = new_figure(4.6)
-    axes = figure.subplots()
-    palms = np.array([record["palm"] for record in moving])
-    x, y = _turned(palms)
+def _from_outside(moving: Sequence[Mapping[str, Any]], width: float | None) -> Shot:
+    """The palm's path from above, the robot standing below, and from where the robot faces."""
     reach = [record for record in moving if record["phase"] == "reach"] or moving
-    start, goal = _turned(np.array([moving[0]["palm"], reach[-1]["goal"]])).T
-    axes.plot(*np.transpose([start, goal]), ":", color=FULL, lw=1.4, label="straight way")
-    axes.plot(x, y, color=LINE, lw=2.2, label="way of the palm")
-    axes.plot(*start, "o", ms=7, color=LINE)
-    axes.annotate("start", start, textcoords="offset points", xytext=(8, 6), fontsize=9)
+    palms = np.array([record["palm"] for record in moving])
+    straight = np.array([moving[0]["palm"], reach[-1]["goal"]])
     via = next((record["legs"][0] for record in moving if len(record["legs"]) > 2), None)
-    if via is not None:
-        axes.plot(*_turned(np.array([via]))[:, 0], "D", ms=7, mfc="white", mec=LINE, label="via-point")
-    for thing in moving[-1]["obstacles"]:
-        _circle(axes, thing["centre"], thing["radius"], OBSTACLE, "obstacle, as seen")
-    place = reach[-1]["truth"] or reach[-1]["estimate"]
-    if place is not None:
-        _circle(axes, place, (width or 0.065) / 2, GLASS, "glass")
-    axes.set_aspect("equal")
-    axes.margins(0.12)
-    axes.set_xlabel("to the robot's right [cm]")
-    axes.set_ylabel("ahead of the robot [cm]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
+    things = [(thing, OBSTACLE, "obstacle, as seen") for thing in moving[-1]["obstacles"]]
+    if (place := reach[-1]["truth"] or reach[-1]["estimate"]) is not None:
+        glass = {"centre": place, "radius": (width or 0.065) / 2, "height": None}
+        things.append((glass, GLASS, "glass"))
+    figure = new_figure(6.4)
+    above, ahead = figure.subplots(2, 1, sharex=True)
+    for axes, upwards in ((above, False), (ahead, True)):
+        for thing, colour, label in things:
+            _thing(axes, thing, colour, label, upwards=upwards)
+        axes.plot(*_seen(straight, upwards), ":", color=FULL, lw=1.4, label="straight way")
+        axes.plot(*_seen(palms, upwards), color=LINE, lw=2.2, label="way of the palm")
+        (u, *_), (v, *_) = _seen(palms, upwards)
+        axes.plot(u, v, "o", ms=7, color=LINE)
+        axes.annotate("start", (u, v), textcoords="offset points", xytext=(6, 6), fontsize=9)
+        if via is not None:
+            (u,), (v,) = _seen(np.array([via]), upwards)
+            axes.plot(u, v, "D", ms=7, mfc="white", mec=LINE, ls="", label="via-point")
+        axes.set_aspect("equal")
+        axes.margins(0.1)
+    above.set_title("from above")
+    above.set_ylabel("ahead [cm]")
+    above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, borderaxespad=0.2)
+    ahead.set_title("from where the robot looks")
+    ahead.set_ylabel("height [cm]")
+    ahead.set_xlabel("to the robot's right [cm]")
     return plotted(
         figure,
-        "The way, from above",
-        "The palm's middle on its way over the table, by the encoders; the robot stands below the picture. "
-        "The hand is larger than the line: half a hand must pass beside an obstacle.",
-        "The path of the palm to the glass, seen from above"
-        + (", around an obstacle" if moving[-1]["obstacles"] else ""),
+        "The way of the hand",
+        "The middle of the palm on its way, by the encoders, in the robot's frame; the robot stands "
+        "below the upper picture. The hand is larger than the line: half a hand must pass the obstacle.",
+        "The path of the palm to the glass, from above and from the robot"
+        + (", past an obstacle" if moving[-1]["obstacles"] else ""),
         lead=True,
     )
 
 
-def _turned(places: Floats) -> Floats:
-    """Places (N, 3) [m] in the root frame, x backwards and y right, as (2, N) [cm] to the right and ahead."""
-    turned: Floats = 100.0 * np.array([places[:, 1], -places[:, 0]])
-    return turned
+def _seen(places: Floats, upwards: bool) -> Floats:
+    """Places (N, 3) [m], x backwards and y right, as (2, N) [cm]: to the right, and ahead or upwards."""
+    seen: Floats = 100.0 * np.array([places[:, 1], places[:, 2] if upwards else -places[:, 0]])
+    return seen
 
 
-def _circle(axes: Axes, centre: Sequence[float], radius: float, colour: str, label: str) -> None:
-    from matplotlib.patches import Circle
+def _thing(axes: Axes, thing: Mapping[str, Any], colour: str, label: str, *, upwards: bool) -> None:
+    """An upright cylinder from above, or from the side; its foot is as far below its centre as its top."""
+    from matplotlib.patches import Circle, Patch, Rectangle
 
-    (u,), (v,) = _turned(np.array([centre]))
-    axes.add_patch(Circle((u, v), 100.0 * radius, facecolor=colour, alpha=0.75, lw=0, label=label))
-    axes.update_datalim([(u - 100.0 * radius, v - 100.0 * radius), (u + 100.0 * radius, v + 100.0 * radius)])
+    (u,), (v,) = _seen(np.array([thing["centre"]]), upwards)
+    radius = 100.0 * thing["radius"]
+    half = 100.0 * (thing["height"] or 0.10) / 2 if upwards else radius
+    patch: Patch = Circle((u, v), radius)
+    if upwards:
+        patch = Rectangle((u - radius, v - half), 2 * radius, 2 * half)
+    patch.set(facecolor=colour, alpha=0.7, lw=0, label=label)
+    axes.add_patch(patch)
+    axes.update_datalim([(u - radius, v - half), (u + radius, v + half)])
 
 
 def _shade(axes: Axes, history: Sequence[Mapping[str, Any]], *, named: bool) -> None:
