@@ -104,8 +104,8 @@ def _from_outside(moving: Sequence[Mapping[str, Any]], width: float | None) -> S
     if (place := reach[-1]["truth"] or reach[-1]["estimate"]) is not None:
         glass = {"centre": place, "radius": (width or 0.065) / 2, "height": None}
         things.append((glass, GLASS, "glass"))
-    figure = new_figure(6.4)
-    above, ahead = figure.subplots(2, 1, sharex=True)
+    figure = new_figure(3.6)
+    above, ahead = figure.subplots(1, 2)
     for axes, upwards in ((above, False), (ahead, True)):
         for thing, colour, label in things:
             _thing(axes, thing, colour, label, upwards=upwards)
@@ -119,17 +119,17 @@ def _from_outside(moving: Sequence[Mapping[str, Any]], width: float | None) -> S
             axes.plot(u, v, "D", ms=7, mfc="white", mec=LINE, ls="", label="via-point")
         axes.set_aspect("equal")
         axes.margins(0.1)
+        axes.set_xlabel("to the robot's right [cm]")
     above.set_title("from above")
     above.set_ylabel("ahead [cm]")
-    above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, borderaxespad=0.2)
     ahead.set_title("from where the robot looks")
     ahead.set_ylabel("height [cm]")
-    ahead.set_xlabel("to the robot's right [cm]")
+    figure.legend(*above.get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return plotted(
         figure,
         "The way of the hand",
         "The middle of the palm on its way, by the encoders, in the robot's frame; the robot stands "
-        "below the upper picture. The hand is larger than the line: half a hand must pass the obstacle.",
+        "below the left picture. The hand is larger than the line: half a hand must pass the obstacle.",
         "The path of the palm to the glass, from above and from the robot"
         + (", past an obstacle" if moving[-1]["obstacles"] else ""),
         lead=True,

@@ -41,9 +41,9 @@ class Bystander:
         self.world = world
         self.light = light or Light(shadow=True)
         width, height = size
-        focal = 0.98 * width
+        focal = 0.92 * width
         camera = Camera(width=width, height=height, fx=focal, fy=focal, cx=width / 2, cy=height / 2)
-        self.view = PosedCamera(camera, looking_at((-1.0, 0.42, 0.7), (-0.2, 0.12, 0.11)))
+        self.view = PosedCamera(camera, looking_at((-1.0, 0.42, 0.7), (-0.2, 0.12, 0.09)))
         with tempfile.TemporaryDirectory(prefix="motorprime-") as folder:
             self._balls = [
                 (mount.link, ahead, self._ball(Path(folder) / f"ball-{k}.obj", radius, rgb))
