@@ -1,10 +1,13 @@
-"""Which projection the demo sees by, and how far it trusts it."""
+"""Which projection the demo sees by, how far it trusts it, and what it says of a run."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import synthetic_run
 from motorprime import KinematicProjection, shipped
-from motorprime.demo import projection_of, slack_of
+from motorprime.demo import ReachOptions, certificates_of, closing, projection_of, slack_of, title_of
 from motorprime.errors import ArgumentError, StateError
 from motorprime.learning.network import Network
 from motorprime.projection.neural import LearnedCamera, NeuralProjection
@@ -63,3 +66,74 @@ def test_missing_weights_are_a_clear_error(icub, monkeypatch):
     monkeypatch.setattr(shipped, "NEURAL", "absent.safetensors")
     with pytest.raises(StateError, match=r"weights/absent\.safetensors is missing"):
         projection_of(icub, "neural")
+
+
+def options(**asked):
+    """What is asked of ``motorprime reach``, but for the arguments that are given."""
+    usual = {"seed": 1, "name": "x", "runs": Path("runs"), "windows": 50, "width": None, "size": (320, 240)}
+    usual |= {"noise": 2.0, "clutter": 4, "glass": True, "glass_at": None, "video": False, "gui": False}
+    return ReachOptions(**(usual | asked))
+
+
+def test_every_story_has_its_own_title():
+    asked = [{"obstacle": o, "perturb": p} for o in (False, True) for p in (False, True)]
+    titles = [title_of(options(**each)) for each in asked]
+    assert len(set(titles)) == 4
+    assert "behind an obstacle" in titles[2] and "jumps" in titles[1] and "appears" in titles[3]
+
+
+def test_the_shipped_systems_are_certified_by_number():
+    certificates = certificates_of(shipped.coupled_dynamics())
+    assert list(certificates) == ["eye", "arm", "hand"]
+    for each in certificates.values():
+        assert each["continuous"] < 0.0 and 0.0 < each["discrete"] < 1.0 and each["step"] > 0.0
+
+
+def said(outcome="lifted", reason="", obstacle=False, perturb=False, **judged):
+    result = {
+        "outcome": outcome,
+        "reason": reason,
+        "judged": synthetic_run.LIFTED | judged,
+        "meta": {"obstacle": obstacle, "perturb": perturb},
+    }
+    return closing(result)
+
+
+def test_a_lifted_glass_is_said_with_its_figures():
+    ((line, good),) = said()
+    assert (
+        line
+        == "Lifted: a glass of 153 g and 66 mm width, for a second 6.0 cm over the table, by friction alone."
+    )
+    assert good
+
+
+def test_the_judge_is_believed_and_not_the_robot():
+    ((line, good),) = said(lifted=False, height_m=None)
+    assert "judged from outside it is not" in line and not good
+
+
+def test_a_failure_is_said_with_its_reason():
+    ((line, good),) = said("refused", "there is no way", lifted=False, height_m=None)
+    assert line == "Refused: there is no way" and not good
+
+
+def test_an_obstacle_that_was_not_touched_is_worth_a_word():
+    assert said(obstacle=True)[1] == ("Nothing of the robot touched the obstacle.", True)
+    touched = said(obstacle=True, touched_obstacle=True, touched=["obstacle", "table"])
+    assert touched[1:] == [("The robot also touched: obstacle, table.", False)]
+    assert len(said(obstacle=True, lifted=False, height_m=None)) == 1
+
+
+@pytest.mark.parametrize(
+    ("asked", "disturbed", "words"),
+    [
+        ({"perturb": True}, True, "the glass jumped 10 cm, and the hand followed"),
+        ({"perturb": True}, False, "no time or room for the glass to jump"),
+        ({"perturb": True, "obstacle": True}, True, "The obstacle appeared when the hand was on its way"),
+        ({"perturb": True, "obstacle": True}, False, "no time or room for the obstacle to appear"),
+    ],
+)
+def test_whether_the_disturbance_happened_is_said(asked, disturbed, words):
+    line, good = said(**asked, disturbed=disturbed)[1]
+    assert words in line and good == disturbed

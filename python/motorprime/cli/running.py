@@ -75,6 +75,9 @@ def reach(
     Exit code: 0 when the glass was lifted, 1 when it was not, 2 for an error, 130 when interrupted.
     """
     image_size, place = _size(size), _place(glass_at)
+    if not glass and (obstacle or perturb):
+        option = "--obstacle" if obstacle else "--perturb"
+        raise typer.BadParameter("there is no glass to stand behind or to jump", param_hint=option)
     from ..demo import ReachOptions, run_reach
 
     options = ReachOptions(
