@@ -38,7 +38,7 @@ _OUTSIDE = {
     "Start": "The robot looks for the glass",
     "Reach begins": "The hand sets out",
     LEAD: "The hand is on its way",
-    "Arrival": "The hand is in place, still open",
+    "Arrival": "The hand is in place",
     "Grasp": "The hand has closed",
     "Lift": "The hand has lifted what it holds",
 }
