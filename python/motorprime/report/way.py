@@ -91,7 +91,10 @@ def _errors(axes: Axes, history: Sequence[Mapping[str, Any]]) -> str:
     twin.spines["right"].set_visible(True)
     twin.set_ylim(0.0, max(5.0, 1.2 * max(error for _, error in wrong)))
     axes.plot([], [], color=WRONG, lw=1.5, ls="--", label="error of the estimate (right)")
-    return "Dashed: how far the estimated place of the target is from the true one; at the end of the reach the closing fingers move it. "
+    return (
+        "Dashed: how far the estimated place of the target is from the true one; at the end of the reach the "
+        "closing fingers move it. "
+    )
 
 
 def _from_outside(moving: Sequence[Mapping[str, Any]], width: float | None) -> Shot:
