@@ -1,4 +1,4 @@
-# make demo: set up, build, run the simulated iCub's reach, say where the report is.
+# make demo: set up, build, let the simulated iCub lift a glass past an obstacle, say where the report is.
 # make test: set up, run every test. Both work from a fresh clone.
 
 VENV   := .venv
@@ -13,7 +13,7 @@ SEED   ?= 1
 .PHONY: demo test bench lint wheel clean setup
 
 demo: $(READY)
-	$(BIN)/motorprime reach --seed $(SEED) --name demo
+	$(BIN)/motorprime reach --obstacle --seed $(SEED) --name demo
 
 test: $(READY)
 	cargo test --quiet

@@ -18,6 +18,7 @@ FACES = {
     "bench",
     "cli",
     "demo",
+    "album",
     "viz",
     "video",
     "recording",

@@ -94,6 +94,8 @@ def test_help_of_reach_says_what_it_leaves_and_its_exit_codes(run):
         "130",
         "--seed",
         "--no-glass",
+        "--obstacle",
+        "--perturb",
         "--projection",
         "kinematic|neural|hybrid",
         "--json",
@@ -144,6 +146,8 @@ def test_without_the_extra_one_line_says_what_to_install(tmp_path, command):
         (["reach", "--clutter", "7"], "--clutter"),
         (["reach", "--projection", "psychic"], "--projection"),
         (["reach", "--no-such-option"], "--no-such-option"),
+        (["reach", "--no-glass", "--obstacle"], "--obstacle"),
+        (["reach", "--no-glass", "--perturb"], "--perturb"),
         (["evaluate", "nothing"], "nothing"),
         (["nothing"], "nothing"),
         (["evaluate", "projection", "--poses", "0"], "--poses"),
@@ -249,18 +253,43 @@ def test_evaluate_passes_its_options_on_and_keeps_details_off_the_table(
 
 @SIM
 def test_reach_json_prints_json_and_nothing_else_on_stdout(tmp_path):
-    process = motorprime_process("reach", "--json", "--no-video", "--seed", 2, "--clutter", 1, cwd=tmp_path)
-    out, err = process.communicate(timeout=300)
+    process = motorprime_process("reach", "--obstacle", "--json", "--no-video", "--seed", 1, cwd=tmp_path)
+    out, err = process.communicate(timeout=400)
     result = json.loads(out)
     assert process.returncode == 0
-    assert result["outcome"] == "reached"
-    assert result["judged"]["reached"] is True
-    assert result == json.loads((tmp_path / "runs" / "reach-2" / "result.json").read_text())
+    assert result["outcome"] == "lifted"
+    judged = result["judged"]
+    assert judged["lifted"] is True and judged["height_m"] >= 0.05
+    assert judged["touched_obstacle"] is False and judged["disturbed"] is False
+    assert 0.08 <= judged["mass_kg"] <= 0.3 and 0.06 <= judged["width_m"] <= 0.075
+    assert "glass" not in judged["touched"]  # to touch it is the aim
+    _check_the_story(result["history"])
+    assert set(result["certificates"]) == {"eye", "arm", "hand"}
+    assert result == json.loads((tmp_path / "runs" / "reach-1" / "result.json").read_text())
     assert "Report: " in err
     for noise in ("argv[0]", "pybullet", "Traceback", "Warning"):
         assert noise not in out + err
-    assert sorted(p.name for p in (tmp_path / "runs" / "reach-2").iterdir()) == ["report.html", "result.json"]
-    assert set(result["meta"]) >= {"seed", "windows", "size", "noise", "clutter", "glass"}
+    assert sorted(p.name for p in (tmp_path / "runs" / "reach-1").iterdir()) == ["report.html", "result.json"]
+    assert set(result["meta"]) >= {
+        "seed",
+        "windows",
+        "size",
+        "noise",
+        "clutter",
+        "glass",
+        "obstacle",
+        "perturb",
+    }
+
+
+def _check_the_story(history):
+    """The way is looked along, the obstacle known before the hand sets out; the hand closes, then lifts."""
+    phases = list(dict.fromkeys(record["phase"] for record in history))
+    assert phases[-4:] == ["survey", "reach", "grasp", "lift"]
+    reach = [record for record in history if record["phase"] == "reach"]
+    assert all(record["obstacles"] for record in reach)
+    assert [len(record["legs"]) for record in reach] == sorted((len(r["legs"]) for r in reach), reverse=True)
+    assert reach[0]["opening"] > 0.9 > 0.0 > history[-1]["opening"]
 
 
 @SIM
@@ -273,7 +302,7 @@ def test_without_a_glass_it_says_so_and_ends_with_1(run, tmp_path):
     assert err == ""
     result = json.loads((tmp_path / "runs" / "none" / "result.json").read_text())
     assert result["outcome"] == "not found"
-    assert result["judged"]["reached"] is False
+    assert result["judged"]["lifted"] is False
     assert (tmp_path / "runs" / "none" / "report.html").exists()
 
 
@@ -316,7 +345,7 @@ def test_the_same_name_twice_keeps_both_runs(run, tmp_path, monkeypatch):
     def stop(*arguments, **options):
         raise StateError("start: enough of it")
 
-    monkeypatch.setattr(demo, "Trial", stop)
+    monkeypatch.setattr(demo, "PickTrial", stop)
     (tmp_path / "runs" / "demo").mkdir(parents=True)
     (tmp_path / "runs" / "demo" / "result.json").write_text("{}")
     code, _, err = run("reach", "--name", "demo")

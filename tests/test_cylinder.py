@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from motorprime import Camera, PinholeProjection, PosedCamera
-from motorprime.cylinder import Cylinder, convex_spans, locate_cylinder, outline
+from motorprime.cylinder import Cylinder, convex_spans, locate_cylinder, outline, outlines
 from motorprime.detectors import Silhouette
 from motorprime.errors import ArgumentError, ArgumentTypeError
 from motorprime.kinematics import transform
@@ -450,3 +450,12 @@ def test_silhouettes_that_a_lens_reaches_from_nowhere_give_no_position():
         for name, x in {"left": 0.0, "right": 0.068}.items()
     }
     assert locate(views, dict.fromkeys(views, corner), GLASS) is None
+
+
+def test_outlines_are_those_of_each_camera_without_the_ones_that_are_behind():
+    views = eyes(PLACES[0])
+    views["behind"] = looking((-0.05, 0.0, 0.34), (1.0, 0.0, 0.34))
+    drawn = outlines(Views(PinholeProjection(views)), PLACES[0], GLASS)
+    assert set(drawn) == {"left", "right"}
+    for name, polygon in drawn.items():
+        np.testing.assert_allclose(polygon, outline(views[name], PLACES[0], GLASS), atol=1e-3)

@@ -1,13 +1,29 @@
-"""Which projection the demo sees by, and how far it trusts it."""
+"""Which projection the demo sees by, how far it trusts it, and what it says of a run."""
+
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import synthetic_run
 from motorprime import KinematicProjection, shipped
-from motorprime.demo import projection_of, slack_of
+from motorprime.control.gaze import fixate
+from motorprime.control.side_grasp import SIDE_GRASP
+from motorprime.demo import (
+    ReachOptions,
+    _judged,
+    _told,
+    certificates_of,
+    closing,
+    projection_of,
+    slack_of,
+    title_of,
+)
 from motorprime.errors import ArgumentError, StateError
 from motorprime.learning.network import Network
 from motorprime.projection.neural import LearnedCamera, NeuralProjection
+from motorprime.tasks.pick_trial import PickVerdict
 from poseless import Poseless
 
 pytestmark = pytest.mark.sim
@@ -63,3 +79,124 @@ def test_missing_weights_are_a_clear_error(icub, monkeypatch):
     monkeypatch.setattr(shipped, "NEURAL", "absent.safetensors")
     with pytest.raises(StateError, match=r"weights/absent\.safetensors is missing"):
         projection_of(icub, "neural")
+
+
+def options(**asked):
+    """What is asked of ``motorprime reach``, but for the arguments that are given."""
+    usual = {"seed": 1, "name": "x", "runs": Path("runs"), "windows": 50, "width": None, "size": (320, 240)}
+    usual |= {"noise": 2.0, "clutter": 4, "glass": True, "glass_at": None, "video": False, "gui": False}
+    return ReachOptions(**(usual | asked))
+
+
+def test_every_story_has_its_own_title():
+    asked = [{"obstacle": o, "perturb": p} for o in (False, True) for p in (False, True)]
+    titles = [title_of(options(**each)) for each in asked]
+    assert len(set(titles)) == 4
+    assert "behind an obstacle" in titles[2] and "jumps" in titles[1] and "appears" in titles[3]
+
+
+def test_the_shipped_systems_are_certified_by_number():
+    certificates = certificates_of(shipped.coupled_dynamics())
+    assert list(certificates) == ["eye", "arm", "hand"]
+    for each in certificates.values():
+        assert each["continuous"] < 0.0 and 0.0 < each["discrete"] < 1.0 and each["step"] > 0.0
+
+
+def said(outcome="lifted", reason="", obstacle=False, perturb=False, **judged):
+    result = {
+        "outcome": outcome,
+        "reason": reason,
+        "judged": synthetic_run.LIFTED | judged,
+        "meta": {"obstacle": obstacle, "perturb": perturb},
+    }
+    return closing(result)
+
+
+def test_a_lifted_glass_is_said_with_its_figures():
+    ((line, good),) = said()
+    assert (
+        line
+        == "Lifted: a glass of 153 g and 66 mm width, for a second 6.0 cm over the table, by friction alone."
+    )
+    assert good
+
+
+def test_the_judge_is_believed_and_not_the_robot():
+    ((line, good),) = said(lifted=False, height_m=None)
+    assert "judged from outside it is not" in line and not good
+
+
+def test_a_failure_is_said_with_its_reason():
+    ((line, good),) = said("refused", "there is no way", lifted=False, height_m=None)
+    assert line == "Refused: there is no way" and not good
+
+
+def test_an_obstacle_that_was_not_touched_is_worth_a_word():
+    assert said(obstacle=True)[1] == ("Nothing of the robot touched the obstacle.", True)
+    touched = said(obstacle=True, touched_obstacle=True, touched=["obstacle", "table"])
+    assert touched[1:] == [("The robot also touched: obstacle, table.", False)]
+    assert len(said(obstacle=True, lifted=False, height_m=None)) == 1
+
+
+@pytest.mark.parametrize(
+    ("asked", "disturbed", "words"),
+    [
+        ({"perturb": True}, True, "the glass jumped 10 cm, and the hand followed"),
+        ({"perturb": True}, False, "no time or room for the glass to jump"),
+        ({"perturb": True, "obstacle": True}, True, "The obstacle appeared when the hand was on its way"),
+        ({"perturb": True, "obstacle": True}, False, "no time or room for the obstacle to appear"),
+    ],
+)
+def test_whether_the_disturbance_happened_is_said(asked, disturbed, words):
+    line, good = said(**asked, disturbed=disturbed)[1]
+    assert words in line and good == disturbed
+
+
+def moment(icub, phase, *, opening, away):
+    """A trial with its palm ``away`` [m] from the grasp, and a cycle of it that looks at an obstacle."""
+    here, goal = np.eye(4), np.eye(4)
+    goal[0, 3] = away
+    legs = [SimpleNamespace(goal=SimpleNamespace(palm=palm)) for palm in (here, goal)]
+    controller = SimpleNamespace(palm=here, grasp=SIDE_GRASP, state=SimpleNamespace(opening=opening))
+    motion = SimpleNamespace(legs=legs, goal=legs[-1].goal)
+    trial = SimpleNamespace(
+        attention=SimpleNamespace(projection=KinematicProjection(icub)),
+        task=SimpleNamespace(controller=controller, motion=motion),
+    )
+    gaze = fixate(icub, icub.resting(icub.gaze), synthetic_run.BESIDE)
+    known = ((synthetic_run.BESIDE, synthetic_run.CANISTER),)
+    return synthetic_run.cycle(phase, joints=gaze, obstacles=known), trial
+
+
+def test_a_cycle_is_told_with_legs_and_outlines_of_obstacles(icub):
+    told = _told(*moment(icub, "reach", opening=0.8, away=0.2), event="It thunders")
+    np.testing.assert_array_equal(told.legs, [[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])
+    assert (told.opening, told.event) == (0.8, "It thunders")
+    assert set(told.outlines) == {"left", "right"}
+    for (outline,) in told.outlines.values():
+        (left, top), (right, bottom) = outline.min(axis=0), outline.max(axis=0)
+        assert left < 160 < right and top < 120 < bottom  # it is fixated
+        assert 30 < right - left < 120 and 40 < bottom - top < 200  # 6 cm wide, 13 cm high, 40 cm away
+
+
+@pytest.mark.parametrize(
+    ("phase", "away", "expected"),
+    [("reach", 0.2, SIDE_GRASP.roomy), ("reach", 0.001, 0.1), ("lift", 0.06, 0.1)],
+)
+def test_the_opening_is_what_the_fingers_are_told(icub, phase, away, expected):
+    """On the way they stay wider than the dynamics say; in the grasp, and when it is lifted, they do not."""
+    assert _told(*moment(icub, phase, opening=0.1, away=away), event="").opening == expected
+
+
+def test_before_there_is_a_plan_nothing_is_made_up(icub):
+    cycle, trial = moment(icub, "search", opening=0.1, away=0.2)
+    trial.task.motion = None
+    told = _told(cycle, trial, event="")
+    assert told.legs == () and told.opening is None
+
+
+def test_to_touch_the_glass_is_no_fault():
+    verdict = PickVerdict("lifted", "", True, False, 0.06, 0.001, 0.1, 0.07, False, ("glass", "table"))
+    judged = _judged(verdict)
+    assert judged["touched"] == ["table"]
+    assert set(judged) == set(synthetic_run.LIFTED)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import motorprime as mp
+from motorprime.control.movement import Goal, State
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
@@ -47,3 +48,15 @@ def test_readme_code_runs_as_printed(capsys: pytest.CaptureFixture[str]) -> None
     out = capsys.readouterr().out
     assert "left: 1 found" in out
     assert "right: 1 found" in out
+
+
+def test_readme_code_of_the_dynamics_runs_as_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    _, code = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
+    palm = np.eye(4)
+    palm[:3, 3] = (-0.3, 0.1, 0.0)
+    start = palm.copy()
+    start[:3, 3] = (-0.2, 0.3, 0.1)
+    given = {"state": State(start[:3, 3], start, 1.0), "goal": Goal(palm[:3, 3], palm)}
+    exec(compile(code, "README.md", "exec"), given)
+    np.testing.assert_allclose(given["way"][-1], palm[:3, 3], atol=0.002)
+    assert "Certificate(continuous=-" in capsys.readouterr().out

@@ -71,6 +71,24 @@ def test_a_finished_run(tmp_path):
     assert len(data["history"]) == 9
     assert data["history"][4]["truth"] == [-0.3, 0.1, 0.051]
     assert data["history"][0]["goal"] is None
+    assert data["certificates"] == {}
+
+
+def test_what_is_known_of_a_pick_is_recorded(tmp_path):
+    with start(tmp_path / "demo", certificates=synthetic_run.CERTIFICATES) as recording:
+        for cycle in synthetic_run.pick():
+            recording.add(cycle)
+        recording.finish("lifted")
+    data = result(tmp_path / "demo")
+    assert data["certificates"] == synthetic_run.CERTIFICATES
+    assert [r["phase"] for r in data["history"]][-3:] == ["reach", "grasp", "lift"]
+    assert [len(r["legs"]) for r in data["history"]] == [0, 0, 0, 3, 3, 2, 1, 1, 1]
+    assert [r["opening"] for r in data["history"]] == [None, None, None, 1.0, 1.0, 1.0, 0.6, 0.1, -0.5]
+    assert [r["event"] for r in data["history"]].count("The glass jumps 10 cm") == 1
+    assert data["history"][0]["obstacles"] == []
+    assert data["history"][2]["obstacles"] == [
+        {"centre": [-0.25, 0.2, 0.005], "radius": 0.03, "height": 0.13}
+    ]
 
 
 def test_the_bystander_is_asked_only_for_a_video(tmp_path):

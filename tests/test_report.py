@@ -14,8 +14,9 @@ import pytest
 import synthetic_run
 from motorprime import MissingExtraError
 from motorprime.recording import Recording
-from motorprime.report import EMBED_LIMIT, Shot, page, plot_shots, plots
-from motorprime.report.text import factor, headline, milliseconds, note
+from motorprime.report import EMBED_LIMIT, Shot, movement_shots, page, plot_shots, plots
+from motorprime.report.text import factor, headline, milliseconds, note, numbers
+from motorprime.report.way import _seen
 
 pytestmark = pytest.mark.viz
 
@@ -82,8 +83,10 @@ def record(
     folder, cycles, *, video=True, outcome="reached", reason="", title="Reach for the red glass", **judged
 ):
     view = np.full((48, 64, 3), 120, np.uint8)
-    meta = {"seed": 3}
-    with Recording(folder, title=title, meta=meta, video=video, bystander=lambda: view) as recording:
+    meta, certificates = {"seed": 3}, synthetic_run.CERTIFICATES
+    with Recording(
+        folder, title=title, meta=meta, video=video, bystander=lambda: view, certificates=certificates
+    ) as recording:
         for cycle in cycles:
             recording.add(cycle, truth=np.array([-0.3, 0.1, 0.051]))
         recording.finish(outcome, reason, judged)
@@ -177,6 +180,89 @@ def test_the_outside_judge_has_the_last_word(tmp_path):
     assert 'class="outcome bad"' in text and "The hand reached" not in text
 
 
+def picked(folder, **judged):
+    judged = synthetic_run.LIFTED | judged
+    return record(folder, synthetic_run.pick(), outcome="lifted", **judged)
+
+
+def test_a_lift_is_said_first_with_its_figures(tmp_path):
+    path = picked(tmp_path / "demo")
+    said = read(path.read_text()).said
+    assert "The robot lifted the target." in said
+    assert (
+        "The hand lifted a glass of 153 g by 6.0 cm, past an obstacle that it did not touch. The robot"
+        in said
+    )
+    text = path.read_text()
+    assert 'class="outcome good"' in text
+    assert all(f"<b>{figure}" in text for figure in ("153 g", "6.0 cm", "20% of the pixels", "10 times"))
+    cards = dict(numbers(data_of(path)))
+    assert cards["6.0 cm"].startswith("over the table")
+    assert cards["153 g"] == "weighs the glass, 66 mm wide; friction alone holds it"
+    assert cards["0.8 s"] == "from the first look to the end"
+    assert cards["1.0 mm"].startswith("error of the glass's place")  # 5 cm against 5.1 cm
+
+
+def test_an_obstacle_that_was_touched_is_not_passed_over(tmp_path):
+    said = read(picked(tmp_path / "demo", touched_obstacle=True).read_text()).said
+    assert "by 6.0 cm, and touched the obstacle." in said and "did not touch" not in said
+
+
+def test_a_glass_that_was_not_lifted_is_no_success(tmp_path):
+    text = picked(tmp_path / "demo", lifted=False, height_m=0.0).read_text()
+    assert "The robot takes the target to be lifted; judged from outside it is not." in text
+    assert 'class="outcome bad"' in text
+    assert "The hand lifted" not in text and "over the table" not in text
+
+
+def test_the_story_of_a_pick_is_told_from_within_and_from_outside(tmp_path):
+    said = read(picked(tmp_path / "demo").read_text()).said
+    words = ("follows the planned path", "hit the target", "turned to the target", "mental simulation")
+    words += ("plan leads past", "plans anew", "beside the target", "closed around", "target by friction")
+    within = [said.index(word) for word in words]  # the largest picture first, then in their order
+    assert within == sorted(within)
+    outside = [said.index(words) for words in ("The robot looks for the glass.", "The hand has lifted")]
+    assert outside == sorted(outside) and outside[1] < within[0]
+
+
+def test_the_report_says_why_the_movement_must_converge(tmp_path):
+    text = picked(tmp_path / "demo").read_text()
+    said = read(text).said
+    part = said[said.index("Why it must converge") :]
+    assert "eye1.250.98000015" in part.replace("\n", "") and "arm0.50.99000020" in part.replace("\n", "")
+    data = data_of(tmp_path / "demo" / "report.html")
+    assert data["certificates"] == synthetic_run.CERTIFICATES
+    assert "Why it must converge" not in page(data | {"certificates": {}})
+
+
+def test_the_movement_is_plotted_with_what_happened_on_it(tmp_path):
+    data = data_of(picked(tmp_path / "demo"))
+    time, way = movement_shots(data)
+    assert time.lead and way.lead
+    for words in (
+        "hand open",
+        "error of the estimate",
+        "grasp",
+        "via-point",
+        "The glass jumps 10 cm",
+    ):
+        assert words in comments(time)
+    for words in ("obstacle, as seen", "glass", "via-point", "straight way", "ahead", "height"):
+        assert words in comments(way)
+
+
+def test_a_plain_reach_is_plotted_without_hand_and_obstacle(tmp_path):
+    data = data_of(record(tmp_path / "demo", synthetic_run.run(), video=False))
+    time, way = movement_shots(data)
+    assert "hand open" not in comments(time) and "via-point" not in comments(time)
+    assert "obstacle" not in comments(way) + way.alt
+
+
+def comments(shot):
+    """The words of a plot: its letters are drawn, and what they say is beside them."""
+    return " ".join(re.findall(r"<!-- (.*?) -->", shot.data.decode()))
+
+
 def test_numbers_are_said_as_they_are():
     assert [factor(x) for x in (15.4, 2.04, 1.0, 0.5)] == [
         "15 times faster",
@@ -202,20 +288,23 @@ def test_the_headline_of_nothing():
 
 def test_plots_of_a_run_are_the_same_each_time(tmp_path):
     data = data_of(record(tmp_path / "demo", synthetic_run.run(), video=False))
-    first, second = plot_shots(data), plot_shots(data)
+    first, second = ([*plot_shots(data), *movement_shots(data)] for _ in range(2))
     assert [shot.title for shot in first] == [
         "Time of every vision cycle",
-        "The reach",
         "How much was looked at",
+        "The movement",
+        "The way of the hand",
     ]
     assert [shot.data for shot in first] == [shot.data for shot in second]
-    assert plot_shots(data | {"history": []}) == []
+    assert plot_shots(data | {"history": []}) == [] == movement_shots(data | {"history": []})
 
 
 def test_plots_need_the_extra(monkeypatch):
     monkeypatch.setattr(plots.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"motorprime\[viz\]"):
         plot_shots({"history": []})
+    with pytest.raises(MissingExtraError, match=r"motorprime\[viz\]"):
+        movement_shots({"history": []})
 
 
 def open_in_browser(path, folder):
@@ -271,7 +360,7 @@ def test_a_browser_opens_the_report_without_a_complaint(tmp_path):
     assert console == []
     assert found["errors"] == []
     assert found["requests"] == []
-    assert found["images"] == 7 + 3 and found["broken"] == 0 and found["nameless"] == 0
+    assert found["images"] == 6 + 4 + 4 and found["broken"] == 0 and found["nameless"] == 0
     assert found["video"]["error"] is None and found["video"]["width"] > 0 and found["video"]["seconds"] > 1.5
     assert found["overflow"] <= 0
     assert found["title"] == "Reach for the red glass: reached"
@@ -290,3 +379,10 @@ def test_the_browser_check_notices_what_is_broken(tmp_path):
     assert found["video"]["error"] or found["video"]["width"] == 0
     assert found["errors"]
     assert console
+
+
+def test_the_way_is_seen_to_the_robot_s_right_and_ahead_or_upwards():
+    """In the robot's root frame x points backwards and y to the right."""
+    place = np.array([[-0.3, 0.1, 0.05]])
+    np.testing.assert_allclose(_seen(place, False), [[10.0], [30.0]])
+    np.testing.assert_allclose(_seen(place, True), [[10.0], [5.0]])

@@ -8,10 +8,11 @@ import pytest
 
 import synthetic_run
 from motorprime import ArgumentError, ArgumentTypeError, Windows
-from motorprime.video import NoVideo, VideoWriter, video_frame
+from motorprime.video import NoVideo, VideoWriter, figures, video_frame
 from motorprime.viz import (
     BLUE,
     GREEN,
+    MAGENTA,
     RED,
     WHITE,
     YELLOW,
@@ -19,6 +20,7 @@ from motorprime.viz import (
     legend_strip,
     side_by_side,
     stereo_panel,
+    story,
     write,
 )
 
@@ -157,7 +159,38 @@ def test_the_silhouette_is_outlined_in_green(grey):
     assert not green[50:70, 70:90].any()
 
 
+def test_an_obstacle_is_outlined_in_magenta_and_its_inside_left(grey):
+    outline = np.array([[20.0, 10.0], [60.0, 10.0], [60.0, 40.0], [20.0, 40.0]])
+    drawn = like(draw_attention(grey, obstacles=[outline]), MAGENTA, 40)
+    assert drawn[20:22, 50:110].any(axis=0).all() and drawn[80:82, 50:110].any(axis=0).all()
+    assert drawn[30:70, 40:42].any(axis=1).all() and drawn[30:70, 120:122].any(axis=1).all()  # closed
+    assert not drawn[28:72, 50:110].any()
+
+
+def test_an_obstacle_out_of_view_draws_nothing(grey):
+    far = np.array([[200.0, 10.0], [260.0, 10.0], [260.0, 40.0]])
+    assert np.array_equal(draw_attention(grey, obstacles=[far]), draw_attention(grey))
+
+
+def test_known_obstacles_are_drawn_in_every_eye_that_has_them_in_view():
+    pick = synthetic_run.pick()[2]
+    without = stereo_panel(replace(pick, outlines={}))
+    changed = (stereo_panel(replace(pick, outlines={"right": pick.outlines["right"]})) != without).any(axis=2)
+    assert changed[:, -160:].any() and not changed[:, :160].any()
+    assert (stereo_panel(pick) != without)[:, :160].any()
+
+
+def test_strangers_are_told_on_which_part_of_the_way_the_hand_is():
+    told = [story(cycle) for cycle in synthetic_run.pick()]
+    assert "via-point" in told[3] and "before the target" in told[5] and "last way" in told[6]
+    assert len(set(told)) == 8
+    assert story(synthetic_run.cycle("reach")) == "Reach: look along the planned path of the hand"
+    assert story(synthetic_run.cycle("dance")) == "dance"
+
+
 def test_wrong_arguments_are_named(grey):
+    with pytest.raises(ArgumentError, match=r"obstacles: shape \(N, 2\)"):
+        draw_attention(grey, obstacles=[np.zeros(4)])
     with pytest.raises(ArgumentError, match="landscape: shape"):
         draw_attention(grey, landscape=np.ones((80, 60), np.float32))
     with pytest.raises(ArgumentError, match="silhouette: shape"):
@@ -184,7 +217,7 @@ def test_the_legend_explains_every_colour_at_any_width():
     for width in (200, 400, 1200):
         strip = legend_strip(width)
         assert strip.shape[1] == width
-        for colour in (RED, WHITE, BLUE, YELLOW, GREEN):
+        for colour in (RED, WHITE, BLUE, YELLOW, GREEN, MAGENTA):
             assert like(strip, colour, 2).sum() > 100
 
 
@@ -207,6 +240,22 @@ def test_large_images_are_not_enlarged_and_make_no_huge_video():
 def test_a_cycle_without_a_landscape_or_a_path_is_drawn():
     panel = stereo_panel(synthetic_run.cycle(looks=False, path=False, full=False), captions=False)
     assert panel.shape == (120, 328, 3)
+
+
+@pytest.mark.parametrize("full", [True, False])
+@pytest.mark.parametrize("bystander", [True, False])
+def test_frames_of_a_pick_say_what_happens_and_have_one_size_too(bystander, full):
+    view = np.zeros((48, 64, 3), np.uint8) if bystander else None
+    cycles = [replace(cycle, full=cycle.full if full else None) for cycle in synthetic_run.pick()]
+    assert len({video_frame(cycle, view).shape for cycle in cycles}) == 1
+
+
+def test_the_board_says_what_the_hand_does_and_what_happened():
+    cycle = synthetic_run.pick()[6]
+    board = figures(cycle, 640, 480)
+    for field, nothing in (("opening", None), ("event", ""), ("goal", None), ("legs", ())):
+        assert not np.array_equal(figures(replace(cycle, **{field: nothing}), 640, 480), board)
+    assert like(board[50:90], MAGENTA, 40).any()  # the event
 
 
 @pytest.mark.parametrize("full", [True, False])

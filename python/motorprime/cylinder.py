@@ -79,6 +79,12 @@ def outline(view: PosedCamera, centre: Floats, cylinder: Cylinder) -> Polygon | 
     return _hull(view.project(cylinder.rims + centre))
 
 
+def outlines(views: Views, centre: Floats, cylinder: Cylinder) -> dict[str, Polygon]:
+    """Convex outlines (M, 2) (u, v) of a cylinder in the cameras that have it in front of them."""
+    hulls = {name: _hull(pixels) for name, pixels in views.project(cylinder.rims + centre).items()}
+    return {name: hull for name, hull in hulls.items() if hull is not None}
+
+
 def locate_cylinder(
     views: Views,
     silhouettes: Mapping[str, Silhouette],

@@ -5,16 +5,19 @@ from __future__ import annotations
 import contextlib
 import json
 import signal
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from . import shipped
+from .control.cds import CoupledDynamics
+from .cylinder import Polygon, outlines
 from .errors import ArgumentError
 from .projection import KinematicProjection, NeuralProjection, Projection
 from .recording import Recording, fresh_folder
@@ -22,8 +25,9 @@ from .robot import Robot
 from .sim.bystander import Bystander
 from .sim.icub import load_icub
 from .tasks.cycle import Cycle, Settings
-from .tasks.trial import Trial, Verdict
-from .viz import PHASES
+from .tasks.pick_trial import PickTrial, PickVerdict
+from .views import Views
+from .viz import story
 
 WINDOW = 20  # side of a window [px]
 
@@ -45,10 +49,12 @@ class ReachOptions:
     video: bool
     gui: bool
     projection: str = "kinematic"
+    obstacle: bool = False
+    perturb: bool = False
 
 
 def run_reach(options: ReachOptions, console: Console) -> dict[str, Any]:
-    """Run one reach and write its folder; returns what result.json holds."""
+    """Let the robot pick up the glass once and write the run's folder; returns what result.json holds."""
     if min(options.size) < WINDOW:
         width, height = options.size
         raise ArgumentError(f"size: {width}x{height} is smaller than a window of {WINDOW} px")
@@ -66,9 +72,13 @@ def _run_into(folder: Path, options: ReachOptions, console: Console) -> dict[str
     robot = load_icub().with_image_size(*options.size)
     projection = projection_of(robot, options.projection)
     settings = Settings(windows=options.windows, size=WINDOW, width=options.width, slack=slack_of(projection))
-    with Trial(
+    dynamics = shipped.coupled_dynamics()
+    with PickTrial(
         robot,
         options.seed,
+        dynamics,
+        obstacle=options.obstacle,
+        perturb=options.perturb,
         settings=settings,
         projection=projection,
         peripersonal=None if options.projection == "kinematic" else shipped.peripersonal_model(robot),
@@ -81,10 +91,11 @@ def _run_into(folder: Path, options: ReachOptions, console: Console) -> dict[str
         bystander = Bystander(trial.stage.world).capture if options.video else None
         recording = Recording(
             folder,
-            title="Motor-primed attention: an iCub reaches for a glass",
+            title=title_of(options),
             meta={**asdict(options), "runs": str(options.runs), "robot": robot.name},
             video=options.video,
             bystander=bystander,
+            certificates=certificates_of(dynamics),
         )
         completed = _drive_to_the_end(trial, recording, console)
     result: dict[str, Any] = json.loads((folder / "result.json").read_text())
@@ -117,7 +128,23 @@ def slack_of(projection: Projection) -> float:
     return 0.0
 
 
-def _drive_to_the_end(trial: Trial, recording: Recording, console: Console) -> bool:
+def title_of(options: ReachOptions) -> str:
+    """What is to be done, whether or not it will be."""
+    if options.obstacle and options.perturb:
+        return "An iCub lifts a glass, and an obstacle appears on the way"
+    if options.obstacle:
+        return "An iCub lifts a glass that stands behind an obstacle"
+    if options.perturb:
+        return "An iCub lifts a glass that jumps away from its hand"
+    return "An iCub finds a glass and lifts it"
+
+
+def certificates_of(dynamics: CoupledDynamics) -> dict[str, dict[str, float]]:
+    """Why eye, arm and hand must come to rest: rates [1/s], factors of a step, and that step [s]."""
+    return {name: asdict(system.certificate()) for name, system in dynamics.systems.items()}
+
+
+def _drive_to_the_end(trial: PickTrial, recording: Recording, console: Console) -> bool:
     """Whether it got there; after a Ctrl-C the report is still written, and a second one cannot spoil it."""
     usual = signal.getsignal(signal.SIGINT)
     try:
@@ -133,10 +160,13 @@ def _drive_to_the_end(trial: Trial, recording: Recording, console: Console) -> b
     return True
 
 
-def _drive(trial: Trial, recording: Recording, console: Console) -> None:
-    scene = trial.stage.scene
+def _drive(trial: PickTrial, recording: Recording, console: Console) -> None:
+    scene, disturbed = trial.stage.scene, False
     with Live(console=console, refresh_per_second=8, transient=True) as live:
-        for cycle in trial.task.run():
+        for bare in trial.run():
+            happened = trial.disturbance is not None and trial.disturbance.happened
+            cycle = _told(bare, trial, event=_event(trial) if happened and not disturbed else "")
+            disturbed = happened
             truth = None if scene.glass is None else scene.glass_pose()[0]
             recording.add(cycle, truth=truth)
             live.update(_status(cycle, len(recording.history)))
@@ -145,13 +175,34 @@ def _drive(trial: Trial, recording: Recording, console: Console) -> None:
         recording.finish(verdict.outcome, verdict.reason, _judged(verdict))
 
 
-def _judged(verdict: Verdict) -> dict[str, Any]:
-    return {
-        "reached": verdict.reached,
-        "palm_error_m": verdict.palm_error_m,
-        "glass_error_m": verdict.glass_error_m,
-        "touched": list(verdict.touched),
-    }
+def _told(cycle: Cycle, trial: PickTrial, event: str) -> Cycle:
+    """A cycle with what the controller knew at that moment, and where the eyes have the obstacles."""
+    controller, motion = trial.task.controller, trial.task.motion
+    views = Views(trial.attention.projection, cycle.joints)
+    seen: dict[str, tuple[Polygon, ...]] = {}
+    for centre, shape in cycle.obstacles:
+        for camera, outline in outlines(views, centre, shape).items():
+            seen[camera] = (*seen.get(camera, ()), outline)
+    opening = None
+    if motion is not None and controller.state is not None:
+        opening = controller.state.opening
+        if cycle.phase == "reach":  # before the palm is there the hand stays wider than the dynamics say
+            away = float(np.linalg.norm(controller.palm[:3, 3] - motion.goal.palm[:3, 3]))
+            opening = controller.grasp.opening(opening, away)
+    legs = () if motion is None else tuple(leg.goal.palm[:3, 3] for leg in motion.legs)
+    return replace(cycle, outlines=seen, legs=legs, opening=opening, event=event)
+
+
+def _event(trial: PickTrial) -> str:
+    assert trial.disturbance is not None
+    return "The glass jumps 10 cm" if trial.disturbance.obstacle is None else "An obstacle appears"
+
+
+def _judged(verdict: PickVerdict) -> dict[str, Any]:
+    judged = asdict(verdict)
+    del judged["outcome"], judged["reason"]  # the robot's own word, which stands beside the judge's
+    # Touching the glass is what the robot is there for.
+    return judged | {"touched": [name for name in verdict.touched if name != "glass"]}
 
 
 def _status(cycle: Cycle, count: int) -> Group:
@@ -159,33 +210,63 @@ def _status(cycle: Cycle, count: int) -> Group:
     attended = 1e3 * sum(cycle.seconds.values())
     found = "seen" if cycle.sight.located is not None else "not seen"
     lines = [
-        f"cycle {count:3d}   {cycle.time:5.1f} s   {PHASES[cycle.phase]}",
+        f"cycle {count:3d}   {cycle.time:5.1f} s   {story(cycle)}",
         f"looked at {cycle.sight.attended:4.0%} of the pixels in {attended:5.1f} ms; glass {found}",
     ]
     if cycle.full is not None:
         lines.append(f"the full scan beside it took {1e3 * cycle.full.seconds:5.1f} ms")
     if cycle.goal is not None:
         lines.append(
-            f"palm {100 * float(((cycle.palm - cycle.goal) ** 2).sum()) ** 0.5:4.1f} cm from its goal"
+            f"palm {100 * float(np.linalg.norm(cycle.palm - cycle.goal)):4.1f} cm from the grasp"
+            + ("" if cycle.opening is None else f", hand {_opening(cycle.opening)}")
         )
+    if cycle.obstacles:
+        lines.append(f"{len(cycle.obstacles)} obstacle seen")
     return Group(*(Text(line) for line in lines))
+
+
+def _opening(opening: float) -> str:
+    return "squeezes" if opening < 0.0 else f"{opening:.0%} open"
 
 
 def _conclude(result: dict[str, Any], console: Console) -> None:
     """The closing words and the table of times."""
-    judged = result["judged"]
-    if judged.get("reached"):
-        console.print(
-            f"Reached: the palm is {1e3 * judged['palm_error_m']:.1f} mm from the true pre-grasp point, "
-            f"the glass was located to {1e3 * judged['glass_error_m']:.1f} mm.",
-            style="green",
-            highlight=False,
-        )
-    else:
-        console.print(f"{result['outcome'].capitalize()}: {result['reason']}", style="yellow", markup=False)
-    if judged.get("touched"):
-        console.print(f"On its way the robot touched: {', '.join(judged['touched'])}.", style="yellow")
+    for line, good in closing(result):
+        console.print(line, style="green" if good else "yellow", markup=False, highlight=False)
     console.print(_times(result))
+
+
+def closing(result: dict[str, Any]) -> list[tuple[str, bool]]:
+    """What came of a run, line by line, and whether that is good.
+
+    Args:
+        result: as in result.json, judged by a :class:`PickVerdict`.
+    """
+    judged, meta = result["judged"], result["meta"]
+    lines = []
+    if judged["lifted"]:
+        glass = f"{1e3 * judged['mass_kg']:.0f} g and {1e3 * judged['width_m']:.0f} mm width"
+        height = f"{100 * judged['height_m']:.1f} cm"
+        lines.append(
+            (f"Lifted: a glass of {glass}, for a second {height} over the table, by friction alone.", True)
+        )
+    elif result["outcome"] == "lifted":
+        lines.append(("The robot takes the glass to be lifted; judged from outside it is not.", False))
+    else:
+        lines.append((f"{result['outcome'].capitalize()}: {result['reason']}", False))
+    if meta["perturb"]:
+        what = "the obstacle to appear" if meta["obstacle"] else "the glass to jump"
+        if not judged["disturbed"]:
+            lines.append((f"There was no time or room for {what}.", False))
+        elif not meta["obstacle"]:
+            lines.append(("On the way the glass jumped 10 cm, and the hand followed.", judged["lifted"]))
+        else:
+            lines.append(("The obstacle appeared when the hand was on its way.", judged["lifted"]))
+    if meta["obstacle"] and not judged["touched_obstacle"] and judged["lifted"]:
+        lines.append(("Nothing of the robot touched the obstacle.", True))
+    if judged["touched"]:
+        lines.append((f"The robot also touched: {', '.join(judged['touched'])}.", False))
+    return lines
 
 
 def _times(summary: dict[str, Any]) -> Table:

@@ -12,7 +12,7 @@ import contextlib
 import json
 import os
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -22,16 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import __version__
+from .album import Album
 from .errors import ArgumentError, Error, StateError
-from .report import Shot, check_plots, plot_shots, write_report
+from .report import check_plots, movement_shots, plot_shots, write_report
 from .summary import History, summarise
 from .video import NoVideo, VideoWriter, video_frame
 from .viz import Picture, stereo_panel
 
 if TYPE_CHECKING:
     from .tasks.cycle import Cycle
-
-QUALITY = 88  # of JPEG pictures
 
 
 def fresh_folder(base: Path, name: str) -> Path:
@@ -68,6 +67,7 @@ class Recording:
         meta: what was run, such as the seed; plain values by name.
         video: write a video.
         bystander: gives a view (H, W, 3) uint8 RGB of the robot; asked once a cycle, for the video only.
+        certificates: of the dynamical systems that plan, by name: continuous [1/s], discrete, step [s].
 
     Raises:
         ArgumentError: the folder holds a run already or cannot be written.
@@ -82,12 +82,14 @@ class Recording:
         meta: Mapping[str, Any],
         video: bool = True,
         bystander: Callable[[], Picture] | None = None,
+        certificates: Mapping[str, Mapping[str, float]] | None = None,
     ) -> None:
         """See the class."""
         check_plots()
         self.folder, self.title, self.meta = folder, title, dict(meta)
         self.history: History = []
-        self._album = _Album()
+        self.certificates = dict(certificates or {})
+        self._album = Album()
         self._bystander = bystander if video else None
         self._finished = False
         try:
@@ -130,11 +132,12 @@ class Recording:
         """
         self.history.append(_record(cycle, truth))
         panel = stereo_panel(cycle)
-        frame = None
+        frame = view = None
         if isinstance(self.video, VideoWriter):
-            frame = video_frame(cycle, self._bystander() if self._bystander else None, panel=panel)
+            view = self._bystander() if self._bystander else None
+            frame = video_frame(cycle, view, panel=panel)
             self.video.add(frame)
-        self._album.keep(cycle, panel, frame)
+        self._album.keep(cycle, panel, frame, view)
 
     def finish(self, outcome: str, reason: str = "", judged: Mapping[str, Any] | None = None) -> None:
         """Write the folder.
@@ -157,7 +160,8 @@ class Recording:
                 self.report,
                 data,
                 pictures=self._album.shots(),
-                plots=plot_shots(data),
+                outside=self._album.outside(),
+                plots=[*movement_shots(data), *plot_shots(data)],
                 video=film if film.exists() and self.history else None,
                 poster=self._album.poster,
             )
@@ -172,6 +176,7 @@ class Recording:
             "reason": reason,
             "meta": _plain(self.meta),
             "judged": _plain(judged),
+            "certificates": _plain(self.certificates),
             **summarise(self.history),
             "versions": {
                 "motorprime": __version__,
@@ -195,87 +200,6 @@ def replace_text(path: Path, text: str) -> None:
         partial.unlink(missing_ok=True)
 
 
-class _Album:
-    """Keeps, as JPEG, the pictures of a run that tell its story."""
-
-    def __init__(self) -> None:
-        self._first: bytes | None = None
-        self._found: bytes | None = None
-        self._latest: bytes | None = None
-        self._fixated: bytes | None = None
-        self._reach: list[bytes] = []
-        self._frames: list[bytes] = []
-
-    def keep(self, cycle: Cycle, panel: Picture, frame: Picture | None) -> None:
-        picture = _jpeg(panel)
-        located = cycle.sight.located is not None
-        if cycle.phase == "reach":
-            self._reach.append(picture)
-            if frame is not None:
-                self._frames.append(_jpeg(frame))
-        elif cycle.phase == "fixate":
-            self._fixated = picture
-        elif located and self._found is None:
-            self._found = picture
-        elif self._first is None:
-            self._first = picture
-        else:
-            self._latest = picture
-        if not self._frames and frame is not None:
-            self._frames.append(_jpeg(frame))
-
-    @property
-    def poster(self) -> bytes | None:
-        """What the video shows before it plays."""
-        return self._frames[round((len(self._frames) - 1) * 2 / 3)] if self._frames else None
-
-    def shots(self) -> list[Shot]:
-        """In the order of the run."""
-        told: list[tuple[bytes | None, str, str]] = [
-            (
-                self._first,
-                "Search",
-                "fresh windows every cycle, sampled from the space that the arm can reach",
-            ),
-            (
-                None if self._found else self._latest,
-                "Still searching",
-                "the last look before the search ended",
-            ),
-            (self._found, "Found", "windows hit the target in both eyes; its position is triangulated"),
-            (self._fixated, "Fixation", "the eyes have turned to the target and look again from there"),
-        ]
-        moments = ("Reach begins", "A third of the way", "Two thirds of the way", "Arrival")
-        last = len(self._reach) - 1
-        if last >= 3:
-            places: Sequence[int] = (0, round(last / 3), round(2 * last / 3), last)
-            told += [
-                (self._reach[k], moment, "attention follows the planned path from the hand to the target")
-                for k, moment in zip(places, moments, strict=True)
-            ]
-        elif last >= 0:
-            told.append((self._reach[0], moments[0], "attention follows the planned path"))
-        return [
-            Shot(
-                title,
-                caption[0].upper() + caption[1:] + ".",
-                f"What both eyes saw. {title}: {caption}.",
-                picture,
-                "image/jpeg",
-                lead=title == moments[2],
-            )
-            for picture, title, caption in told
-            if picture is not None
-        ]
-
-
-def _jpeg(picture: Picture) -> bytes:
-    done, encoded = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-    if not done:  # pragma: no cover - OpenCV without JPEG
-        raise StateError("picture: this OpenCV cannot encode JPEG")
-    return encoded.tobytes()
-
-
 def _cannot_create(folder: Path, error: OSError) -> ArgumentError:
     return ArgumentError(f"folder: cannot write into {folder}: {error.strerror}")
 
@@ -295,6 +219,13 @@ def _record(cycle: Cycle, truth: NDArray[np.float64] | None) -> dict[str, Any]:
         "palm": cycle.palm,
         "goal": cycle.goal,
         "truth": truth,
+        "obstacles": [
+            {"centre": centre, "radius": shape.radius, "height": shape.height}
+            for centre, shape in cycle.obstacles
+        ],
+        "legs": cycle.legs,
+        "opening": cycle.opening,
+        "event": cycle.event,
         "full_frame": None
         if full is None
         else {

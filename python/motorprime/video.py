@@ -7,20 +7,23 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 import cv2
+import numpy as np
 
 from .errors import ArgumentError, StateError
 from .silence import silenced
 from .viz import (
     BLUE,
     INK,
+    MAGENTA,
     PAPER,
-    PHASES,
     Colour,
     Picture,
     blank,
     legend_strip,
     side_by_side,
     stereo_panel,
+    story,
+    text_width,
     write,
 )
 
@@ -149,11 +152,14 @@ def figures(cycle: Cycle, width: int, height: int = 420) -> Picture:
     board = blank(height, width, INK)
     small, left = width < 500, 24
     size = 0.5 if small else 0.68
-    write(board, PHASES.get(cycle.phase, cycle.phase), (left, 22), size=size, colour=PAPER)
+    write(board, story(cycle), (left, 22), size=size, colour=PAPER)
     found = cycle.sight.located is not None
     seen = "target located in this cycle" if found else "target not seen in this cycle"
     write(board, f"{cycle.time:.1f} s", (left, 58), size=0.6, colour=GREY)
-    write(board, seen, (left + 90, 58), size=0.6, colour=GOOD if found else GREY)
+    if cycle.event:
+        write(board, cycle.event, (left + 90, 58), size=0.6, colour=MAGENTA)
+    else:
+        write(board, seen, (left + 90, 58), size=0.6, colour=GOOD if found else GREY)
     attended = cycle.sight.attended
     write(board, f"Looked at {attended:.0%} of the pixels", (left, 106), size=0.62, colour=PAPER)
     _bar(board, 134, attended, BLUE)
@@ -165,8 +171,14 @@ def figures(cycle: Cycle, width: int, height: int = 420) -> Picture:
     if full is not None:
         write(board, f"Scan of the full images: {full:.0f} ms", (left, 252), size=0.62, colour=PAPER)
         _bar(board, 280, 1.0, GREY)
+    if cycle.goal is not None:
+        away = 100.0 * float(np.linalg.norm(cycle.palm - cycle.goal))
+        write(board, f"Palm {away:.1f} cm from the grasp", (left, 322), size=0.62, colour=PAPER)
+    if cycle.opening is not None:
+        hand = "Hand squeezes" if cycle.opening < 0.0 else f"Hand {cycle.opening:.0%} open"
+        write(board, hand, (width - left - text_width(hand, 0.62), 322), size=0.62, colour=PAPER)
     strip = legend_strip(width - left)
-    top = min(330, height - strip.shape[0] - 10)
+    top = min(366, height - strip.shape[0] - 10)
     room = board[top : top + strip.shape[0], left - 8 : left - 8 + strip.shape[1]]
     room[:] = strip[: room.shape[0], : room.shape[1]]
     return board

@@ -30,6 +30,7 @@ WHITE: Colour = (255, 255, 255)
 BLUE: Colour = (70, 140, 255)
 YELLOW: Colour = (255, 214, 10)
 GREEN: Colour = (40, 240, 90)
+MAGENTA: Colour = (245, 70, 225)
 INK: Colour = (24, 28, 36)
 PAPER: Colour = (244, 246, 249)
 
@@ -39,15 +40,26 @@ LEGEND: tuple[tuple[Colour, str], ...] = (
     (BLUE, "scanned window"),
     (YELLOW, "window that hit"),
     (GREEN, "target found"),
+    (MAGENTA, "known obstacle"),
 )
 """What the colours mean, in the order in which they are explained."""
 
 PHASES: Mapping[str, str] = {
     "search": "Search: look into the reachable space",
     "fixate": "Fixate: eyes turned to the target, look again",
+    "survey": "Survey: does anything stand in the hand's way?",
     "reach": "Reach: look along the planned path of the hand",
+    "grasp": "Grasp: the hand closes",
+    "lift": "Lift: straight up, held by friction alone",
 }
-"""A line for strangers about each phase of a reach."""
+"""A line for strangers about each phase of picking up."""
+
+LEGS: Mapping[int, str] = {
+    3: "Reach: around the obstacle, by a via-point",
+    2: "Reach: to the place before the target",
+    1: "Reach: the last way to the target",
+}
+"""The same for a reach of which so many legs are left."""
 
 FACE = cv2.FONT_HERSHEY_DUPLEX
 _SHIFT = 4  # fractional bits of drawn points
@@ -63,6 +75,7 @@ def draw_attention(
     window_size: int = 20,
     hits: npt.ArrayLike | None = None,
     silhouette: NDArray[np.bool_] | None = None,
+    obstacles: Sequence[npt.ArrayLike] = (),
     label: str | None = None,
     scale: int = 2,
 ) -> Picture:
@@ -76,6 +89,7 @@ def draw_attention(
         windows: where was scanned: :class:`Windows`, or centres (N, 2) of ``window_size`` pixels.
         hits: (K, 2) upper left corners (u, v) of windows that hit, as in ``Search.hits``: drawn in yellow.
         silhouette: (H, W) bool, what was found: outlined in green.
+        obstacles: closed outlines (M, 2) of (u, v) of what stands in the way: drawn in magenta.
         label: a short caption in the upper left corner.
         scale: enlargement.
 
@@ -105,6 +119,8 @@ def draw_attention(
     if silhouette is not None:
         _same_shape("silhouette", silhouette, (height, width))
         _draw_silhouette(canvas, silhouette, scale)
+    for outline in obstacles:
+        _draw_outline(canvas, _points("obstacles", outline), scale)
     if path is not None:
         _draw_path(canvas, _points("path", path), scale)
     if label:
@@ -133,12 +149,20 @@ def stereo_panel(cycle: Cycle, *, scale: int | None = None, captions: bool = Tru
                 window_size=_window_size(cycle, camera),
                 hits=cycle.sight.searches[camera].hits if camera in cycle.sight.searches else None,
                 silhouette=_found(cycle, camera),
+                obstacles=cycle.outlines.get(camera, ()),
                 label=f"{camera} eye   {cycle.phase}   {cycle.time:.1f} s" if captions else None,
                 scale=scale or (2 if image.shape[1] <= 480 else 1),
             )
             for camera, image in cycle.images.items()
         ]
     )
+
+
+def story(cycle: Cycle) -> str:
+    """A line for strangers about what happens in a cycle."""
+    if cycle.phase == "reach" and len(cycle.legs) in LEGS:
+        return LEGS[len(cycle.legs)]
+    return PHASES.get(cycle.phase, cycle.phase)
 
 
 def side_by_side(pictures: Sequence[Picture], *, gap: int = 8, background: Colour = INK) -> Picture:
@@ -301,16 +325,28 @@ def _draw_silhouette(canvas: Picture, silhouette: NDArray[np.bool_], scale: int)
     cv2.drawContours(canvas, outlines, -1, GREEN, scale, cv2.LINE_AA)
 
 
-def _draw_path(canvas: Picture, path: NDArray[np.float64], scale: int) -> None:
-    drawn = (path + 0.5) * scale - 0.5
+def _draw_outline(canvas: Picture, outline: NDArray[np.float64], scale: int) -> None:
+    closed = np.concatenate([outline, outline[:1]])
+    _draw_lines(canvas, (closed + 0.5) * scale - 0.5, ((INK, scale + 2), (MAGENTA, scale)))
+
+
+def _draw_lines(canvas: Picture, drawn: NDArray[np.float64], strokes: Sequence[tuple[Colour, int]]) -> None:
+    """A line (N, 2) in the canvas's pixels, one stroke over the other; NaN interrupts it."""
     low = np.full(2, -_MARGIN)
     high = np.array([canvas.shape[1], canvas.shape[0]]) + _MARGIN
     pieces = [_clipped(a, b, low, high) for a, b in pairwise(drawn)]
-    for colour, weight in ((INK, 3 * scale), (WHITE, scale + 1)):
+    for colour, weight in strokes:
         for piece in pieces:
             if piece is not None:
                 first, last = (_fixed(end) for end in piece)
                 cv2.line(canvas, first, last, colour, weight, cv2.LINE_AA, _SHIFT)
+
+
+def _draw_path(canvas: Picture, path: NDArray[np.float64], scale: int) -> None:
+    drawn = (path + 0.5) * scale - 0.5
+    _draw_lines(canvas, drawn, ((INK, 3 * scale), (WHITE, scale + 1)))
+    low = np.full(2, -_MARGIN)
+    high = np.array([canvas.shape[1], canvas.shape[0]]) + _MARGIN
     seen = drawn[np.isfinite(drawn).all(axis=1)]
     if len(seen) and (seen[-1] > low).all() and (seen[-1] < high).all():
         radius = (3 * scale) << _SHIFT

@@ -22,7 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-app.command(short_help="Let the simulated iCub find a glass and reach for it.")(reach)
+app.command(short_help="Let the simulated iCub find a glass and lift it.")(reach)
 app.command(short_help="Collect samples to learn from: random postures and a ball.")(babble)
 app.add_typer(train, name="train")
 app.add_typer(learn, name="learn")

@@ -48,21 +48,36 @@ def reach(
             help="How the robot knows where points appear in its eyes: by its model, or as learned."
         ),
     ] = ProjectionName.KINEMATIC,
+    obstacle: Annotated[
+        bool, typer.Option("--obstacle", help="Let something stand between hand and glass.")
+    ] = False,
+    perturb: Annotated[
+        bool,
+        typer.Option(
+            "--perturb",
+            help="Let the glass jump 10 cm during the reach; with --obstacle, let that appear only then.",
+        ),
+    ] = False,
     video: Annotated[bool, typer.Option(help="Write a video of the run.")] = True,
     gui: Annotated[bool, typer.Option("--gui", help="Watch in pybullet's window.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Let the simulated iCub find a red glass and reach for it, looking only where it matters.
+    """Let the simulated iCub find a red glass, reach for it and lift it, looking only where it matters.
 
     The robot starts in a random posture, searches the glass with windows over its reachable space, turns its
-    gaze there, plans the hand's path, and moves with a fresh look along the plan at every vision cycle. A
-    scan of the full images runs beside every cycle, for comparison only.
+    gaze there, and looks along the way that its hand would take for what may stand in it. It plans by coupled
+    dynamical systems of eye, arm and hand, around an obstacle by a via-point, and moves with a fresh look
+    along the plan at every vision cycle; then it closes the hand and lifts the glass by friction. A scan of
+    the full images runs beside every cycle, for comparison only.
 
     Leaves runs/NAME/ with report.html (open it in a browser), video.webm and result.json.
 
-    Exit code: 0 when the palm arrived, 1 when it did not, 2 for an error, 130 when interrupted.
+    Exit code: 0 when the glass was lifted, 1 when it was not, 2 for an error, 130 when interrupted.
     """
     image_size, place = _size(size), _place(glass_at)
+    if not glass and (obstacle or perturb):
+        option = "--obstacle" if obstacle else "--perturb"
+        raise typer.BadParameter("there is no glass to stand behind or to jump", param_hint=option)
     from ..demo import ReachOptions, run_reach
 
     options = ReachOptions(
@@ -79,13 +94,15 @@ def reach(
         video=video,
         gui=gui,
         projection=projection.value,
+        obstacle=obstacle,
+        perturb=perturb,
     )
     result = run_reach(options, err if as_json else out)
     if as_json:
         sys.stdout.write(json.dumps(result, indent=2) + "\n")
     if result["outcome"] == "interrupted":
         raise typer.Exit(130)
-    raise typer.Exit(0 if result.get("judged", {}).get("reached") else 1)
+    raise typer.Exit(0 if result.get("judged", {}).get("lifted") else 1)
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -31,7 +31,7 @@ class Shot:
         alt: what it shows, for those who cannot see it.
         data: the encoded picture.
         kind: its media type, such as 'image/png'.
-        lead: the one to show large.
+        lead: to be shown large, or before the others.
     """
 
     title: str
@@ -112,8 +112,8 @@ def new_figure(height: float) -> Figure:
     return Figure(figsize=(9.0, height), layout="constrained")
 
 
-def plotted(figure: Figure, title: str, caption: str, alt: str) -> Shot:
+def plotted(figure: Figure, title: str, caption: str, alt: str, *, lead: bool = False) -> Shot:
     """A plot as SVG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return Shot(title, caption, alt, buffer.getvalue(), "image/svg+xml")
+    return Shot(title, caption, alt, buffer.getvalue(), "image/svg+xml", lead)

@@ -9,9 +9,18 @@ from typing import Any
 
 from ..viz import LEGEND
 from .document import Shot, cards, document, figure, strong, uri, write_whole
-from .text import explanation, headline, note, numbers, outcome_class, outcome_line, pairs
+from .text import (
+    convergence,
+    explanation,
+    headline,
+    note,
+    numbers,
+    outcome_class,
+    outcome_line,
+    pairs,
+)
 
-EMBED_LIMIT = 8_000_000  # a larger video is linked instead [bytes]
+EMBED_LIMIT = 20_000_000  # a larger video is linked instead [bytes]
 
 
 def write_report(
@@ -19,6 +28,7 @@ def write_report(
     data: Mapping[str, Any],
     *,
     pictures: Sequence[Shot] = (),
+    outside: Sequence[Shot] = (),
     plots: Sequence[Shot] = (),
     video: Path | None = None,
     poster: bytes | None = None,
@@ -28,13 +38,15 @@ def write_report(
     Raises:
         OSError: it cannot be written, or the video cannot be read.
     """
-    write_whole(path, page(data, pictures=pictures, plots=plots, video=video, poster=poster))
+    text = page(data, pictures=pictures, outside=outside, plots=plots, video=video, poster=poster)
+    write_whole(path, text)
 
 
 def page(
     data: Mapping[str, Any],
     *,
     pictures: Sequence[Shot] = (),
+    outside: Sequence[Shot] = (),
     plots: Sequence[Shot] = (),
     video: Path | None = None,
     poster: bytes | None = None,
@@ -43,7 +55,8 @@ def page(
 
     Args:
         data: as in result.json.
-        pictures: of the run, in order.
+        pictures: what the robot saw, in order.
+        outside: what a bystander saw, in order.
         plots: of the run.
         video: a WebM file; inside the page up to :data:`EMBED_LIMIT`, else linked by its name.
         poster: JPEG shown before the video plays.
@@ -54,9 +67,12 @@ def page(
     body = [
         _head(data),
         _film(video, poster, linked),
+        _outside(outside),
         _story(pictures),
+        _plots([plot for plot in plots if plot.lead]),
+        _convergence(data),
         _table(data),
-        _plots(plots),
+        _plots([plot for plot in plots if not plot.lead]),
         _details(data),
     ]
     return document(title, body, media=media)
@@ -98,6 +114,11 @@ def _film(video: Path | None, poster: bytes | None, linked: bool) -> str:
     )
 
 
+def _outside(pictures: Sequence[Shot]) -> str:
+    shown = "".join(figure(shot) for shot in pictures)
+    return f'<div class="grid three">{shown}</div>' if pictures else ""
+
+
 def _story(pictures: Sequence[Shot]) -> str:
     if not pictures:
         return ""
@@ -116,6 +137,23 @@ def _story(pictures: Sequence[Shot]) -> str:
 
 def _plots(plots: Sequence[Shot]) -> str:
     return "".join(f"<h2>{escape(shot.title)}</h2>\n{figure(shot, 'plot')}" for shot in plots)
+
+
+def _convergence(data: Mapping[str, Any]) -> str:
+    certificates = data["certificates"]
+    if not certificates:
+        return ""
+    rows = "".join(
+        f'<tr><td>{escape(name)}</td><td class="n">{-each["continuous"]:.3g}</td>'
+        f'<td class="n">{each["discrete"]:.6f}</td><td class="n">{1e3 * each["step"]:g}</td></tr>\n'
+        for name, each in certificates.items()
+    )
+    return (
+        f"<h2>Why it must converge</h2>\n<p>{escape(convergence())}</p>\n"
+        '<table><thead><tr><th>system</th><th class="n">distance shrinks by at least [1/s]</th>'
+        '<th class="n">factor of an Euler step, at most</th><th class="n">largest such step [ms]</th></tr>'
+        f"</thead>\n<tbody>{rows}</tbody></table>\n"
+    )
 
 
 def _table(data: Mapping[str, Any]) -> str:

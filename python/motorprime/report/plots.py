@@ -18,7 +18,14 @@ if TYPE_CHECKING:
 
 COLOURS = ("#7aa6f0", "#b4d2f7", "#f2b134", "#2457c5", "#8d6fd1", "#7f8896", "#c2c8d2")
 FULL, GOOD, INK, LINE = "#8b919c", "#169c52", "#1d2430", "#2457c5"
-PHASES = {"search": "#f3f5f8", "fixate": "#fff3d6", "reach": "#eaf3ff"}
+PHASES = {
+    "search": "#f3f5f8",
+    "fixate": "#fff3d6",
+    "survey": "#f3ecfb",
+    "reach": "#eaf3ff",
+    "grasp": "#fde9dc",
+    "lift": "#e4f6ea",
+}
 STYLE: dict[str, Any] = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -54,7 +61,7 @@ def check_plots() -> None:
 
 
 def plot_shots(data: Mapping[str, Any]) -> list[Shot]:
-    """The plots of a run; fewer where there is nothing to plot.
+    """What looking cost in a run; nothing of a run without cycles.
 
     Args:
         data: as in result.json.
@@ -67,11 +74,7 @@ def plot_shots(data: Mapping[str, Any]) -> list[Shot]:
     if not history:
         return []
     with styled():
-        shots = [_times(history), _attended(history)]
-        reach = [record for record in history if record["goal"] is not None]
-        if len(reach) >= 2:
-            shots.insert(1, _approach(reach))
-        return shots
+        return [_times(history), _attended(history)]
 
 
 def _times(history: Sequence[Mapping[str, Any]]) -> Shot:
@@ -125,45 +128,6 @@ def _times(history: Sequence[Mapping[str, Any]]) -> Shot:
     )
 
 
-def _approach(reach: Sequence[Mapping[str, Any]]) -> Shot:
-    figure = new_figure(3.4)
-    axes = figure.subplots()
-    times = np.array([record["time"] for record in reach])
-    distances = np.array([1e3 * _distance(record["palm"], record["goal"]) for record in reach])
-    axes.plot(times, distances, color=LINE, lw=2, label="palm to its goal")
-    seen = np.array([bool(record["located"]) for record in reach])
-    axes.plot(times[seen], distances[seen], "o", ms=5, color=GOOD, label="target located in this cycle")
-    axes.plot(times[~seen], distances[~seen], "o", ms=5, mfc="white", mec=FULL, label="not located")
-    wrong = [
-        (r["time"], 1e3 * _distance(r["estimate"], r["truth"])) for r in reach if r["truth"] and r["estimate"]
-    ]
-    caption = "The palm's distance from its goal, and the cycles in which both eyes gave a position."
-    if wrong:
-        twin = axes.twinx()
-        twin.plot(
-            *zip(*wrong, strict=True),
-            color="#c2571a",
-            lw=1.5,
-            ls="--",
-            label="error of the estimate (right axis)",
-        )
-        twin.set_ylabel("error of the estimate [mm]")
-        twin.spines["right"].set_visible(True)
-        twin.set_ylim(0.0, max(5.0, 1.2 * max(error for _, error in wrong)))
-        twin.legend(loc="upper right", bbox_to_anchor=(1.0, 0.72))
-        caption += " Dashed: how far the estimated place of the target is from the true one."
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("distance [mm]")
-    axes.legend(loc="upper right")
-    return plotted(
-        figure,
-        "The reach",
-        caption,
-        f"The palm's distance from its goal falls from {distances[0]:.0f} mm to {distances[-1]:.0f} mm.",
-    )
-
-
 def _attended(history: Sequence[Mapping[str, Any]]) -> Shot:
     figure = new_figure(2.8)
     axes = figure.subplots()
@@ -207,7 +171,3 @@ def _shade(axes: Axes, history: Sequence[Mapping[str, Any]]) -> None:
                     fontsize=8,
                 )
             start = k
-
-
-def _distance(a: Sequence[float], b: Sequence[float]) -> float:
-    return float(np.linalg.norm(np.subtract(a, b)))

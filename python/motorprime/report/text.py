@@ -2,38 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 OUTCOMES = {
+    "lifted": "The robot lifted the target.",
     "reached": "The hand reached its place before the target.",
-    "missed": "The hand did not get to its place before the target.",
+    "missed": "The hand did not get to its place at the target.",
     "not found": "The target was not found.",
-    "refused": "The target was found, but out of reach: the robot did not try.",
+    "refused": "The target was found, but the robot sees no way to it and does not try.",
     "interrupted": "Interrupted.",
     "failed": "Failed.",
     "running": "Still running, or killed.",
 }
 
-UNITS = ("m", "mm", "px", "rad", "s", "ms")
+CLAIMS = {
+    "lifted": "The robot takes the target to be lifted",
+    "reached": "The robot takes its hand to be in place",
+}
+"""What a robot may say of itself, and a judge deny."""
+
+UNITS = ("m", "mm", "px", "rad", "s", "ms", "kg")
 
 
 def is_contradicted(data: Mapping[str, Any]) -> bool:
     """Whether the robot believes that it succeeded and the outside judge does not."""
-    return data["outcome"] == "reached" and data["judged"].get("reached") is False
+    outcome = data["outcome"]
+    return outcome in CLAIMS and data["judged"].get(outcome) is False
 
 
 def outcome_line(data: Mapping[str, Any]) -> str:
     """A run's outcome as a sentence; unknown ones as they are."""
     if is_contradicted(data):
-        return "The robot takes its hand to be in place; judged from outside it is not."
+        return f"{CLAIMS[data['outcome']]}; judged from outside it is not."
     return OUTCOMES.get(data["outcome"], str(data["outcome"]))
 
 
 def outcome_class(data: Mapping[str, Any]) -> str:
     """'good', 'bad' or '' for anything between."""
     outcome = "missed" if is_contradicted(data) else str(data["outcome"])
-    return {"reached": "good", "failed": "bad", "missed": "bad"}.get(outcome, "")
+    return {"lifted": "good", "reached": "good", "failed": "bad", "missed": "bad"}.get(outcome, "")
 
 
 def headline(data: Mapping[str, Any]) -> list[str]:
@@ -41,11 +51,12 @@ def headline(data: Mapping[str, Any]) -> list[str]:
     attended, full, share = data["attended_ms"], data["full_frame_ms"], data["attended_fraction"]
     if attended is None or share is None:
         return ["No vision cycle was recorded."]
-    looked = ["The robot looked at ", f"{share['median']:.0%} of the pixels", ""]
+    *before, last = _lifted(data)
+    looked = [*before, f"{last}The robot looked at ", f"{share['median']:.0%} of the pixels", ""]
     if full is None or data["speed_up"] is None:
-        return [*looked[:2], "; a vision cycle took ", milliseconds(attended["median"]), "."]
+        return [*looked[:-1], "; a vision cycle took ", milliseconds(attended["median"]), "."]
     return [
-        *looked[:2],
+        *looked[:-1],
         "; a vision cycle took ",
         milliseconds(attended["median"]),
         f" instead of the {milliseconds(full['median'])} of a full scan: ",
@@ -54,9 +65,37 @@ def headline(data: Mapping[str, Any]) -> list[str]:
     ]
 
 
+def _lifted(data: Mapping[str, Any]) -> list[str]:
+    """That a glass was lifted, if it was; every second part is to stand out, the last one never."""
+    judged = data["judged"]
+    if not judged.get("lifted"):
+        return [""]
+    said = ["The hand lifted a glass of ", f"{1e3 * judged['mass_kg']:.0f} g", " by "]
+    said.append(f"{100 * judged['height_m']:.1f} cm")
+    if data["history"] and data["history"][-1].get("obstacles"):
+        touched = judged["touched_obstacle"]
+        said.append(", and touched " if touched else ", past an obstacle that it did not touch")
+        return [*said, "the obstacle", ". "] if touched else [*said[:-1], f"{said[-1]}. "]
+    return [*said, ". "]
+
+
 def numbers(data: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The main figures, each with what it is."""
+    judged = data["judged"]
     cards: list[tuple[str, str]] = []
+    if judged.get("lifted"):
+        cards += [
+            (f"{100 * judged['height_m']:.1f} cm", "over the table for a second: the bottom of the glass"),
+            (
+                f"{1e3 * judged['mass_kg']:.0f} g",
+                f"weighs the glass, {1e3 * judged['width_m']:.0f} mm wide; friction alone holds it",
+            ),
+            (f"{data['history'][-1]['time']:.1f} s", "from the first look to the end"),
+        ]
+        if (error := _error_on_the_way(data["history"])) is not None:
+            cards.append(
+                (f"{1e3 * error:.1f} mm", "error of the glass's place, as estimated on the way (median)")
+            )
     if data["attended_fraction"] is not None:
         cards.append(
             (f"{data['attended_fraction']['median']:.0%}", "of the pixels looked at per cycle (median)")
@@ -77,15 +116,40 @@ def numbers(data: Mapping[str, Any]) -> list[tuple[str, str]]:
     return cards
 
 
+def _error_on_the_way(history: Sequence[Mapping[str, Any]]) -> float | None:
+    """Median distance [m] of the target's estimated place from the true one while the hand reaches."""
+    errors = [
+        math.dist(record["estimate"], record["truth"])
+        for record in history
+        if record["phase"] == "reach" and record["estimate"] and record["truth"]
+    ]
+    return statistics.median(errors) if errors else None
+
+
 def explanation() -> str:
     """What motor-primed attention is, for a stranger."""
     return (
         "A robot that is about to grasp something does not need to examine everything that its cameras "
         "show. Motor-primed attention turns what the robot can do, and what it plans to do, into a map over "
         "each image: first the space that its arm can reach, and once it has a plan, the path that its hand "
-        "will take. The object detector then runs only in windows sampled from that map, fresh ones every "
+        "will take, as coupled dynamical systems of eye, arm and hand simulate it. The object detector then "
+        "runs only in windows sampled from that map, fresh ones every "
         "cycle: all over the reachable space while it searches, and along the path once it moves. The same "
         "detector over the full images, run beside it and not used by the robot, shows what that saves."
+    )
+
+
+def convergence() -> str:
+    """Why the planned movement comes to rest at its goal, for an engineer."""
+    return (
+        "The plan is no stored path. Eye, arm and hand follow one dynamical system each, learned from "
+        "recorded human reaches: linear systems, mixed by where the state x is, relative to the goal. All "
+        "of a mixture share one matrix P, and for each of them the distance |x|, measured by P, shrinks all "
+        "the time; so it does for every mixture. The table says how fast, and that an Euler step as "
+        "the controller takes it shrinks it too. The couplings hold the arm back until the eye is there, and "
+        "the hand until the arm is; they end at the goal. So a movement comes to rest there from everywhere, "
+        "and when the target moves, or a via-point stands in for it, only the goal changes. This was checked "
+        "once more before the run. It is about the plan; joint limits and contacts are not covered."
     )
 
 
@@ -98,8 +162,8 @@ def note(data: Mapping[str, Any]) -> list[str]:
         ]
     lines = [
         "The comparison leans to the safe side: the time with attention counts every stage up to the "
-        "position in space, the time of the full scan only its windows. Times are from this machine and "
-        "this run."
+        "position in space, and the search for obstacles; that of the full scan only its windows. Times are "
+        "from this machine and this run."
     ]
     if cheap is not None:
         better = cheap["median"] < attended["median"]

@@ -29,7 +29,7 @@ def looking_at(eye: tuple[float, float, float], target: tuple[float, float, floa
 
 
 class Bystander:
-    """A camera in front of the robot.
+    """A camera in front of the robot, somewhat to its right: hand, obstacle and target side by side.
 
     The robot's eyeballs are drawn only here: they surround the cameras, and a picture taken from within them
     would cost the software renderer a third of its time for nothing.
@@ -41,9 +41,9 @@ class Bystander:
         self.world = world
         self.light = light or Light(shadow=True)
         width, height = size
-        focal = 0.95 * width
+        focal = 0.92 * width
         camera = Camera(width=width, height=height, fx=focal, fy=focal, cx=width / 2, cy=height / 2)
-        self.view = PosedCamera(camera, looking_at((-0.95, 0.85, 0.55), (-0.2, 0.05, 0.08)))
+        self.view = PosedCamera(camera, looking_at((-1.0, 0.42, 0.7), (-0.2, 0.12, 0.09)))
         with tempfile.TemporaryDirectory(prefix="motorprime-") as folder:
             self._balls = [
                 (mount.link, ahead, self._ball(Path(folder) / f"ball-{k}.obj", radius, rgb))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .._arrays import Floats, integer, not_negative, positive
 from ..attention import Look
-from ..cylinder import Cylinder, Located
+from ..cylinder import Cylinder, Located, Polygon
 from ..errors import ArgumentError
 from .explore import Sight
 
@@ -69,7 +69,7 @@ class Cycle:
     """One vision cycle.
 
     Attributes:
-        phase: 'search', 'fixate' or 'reach'.
+        phase: 'search', 'fixate', 'survey', 'reach', 'grasp' or 'lift'.
         time: since the start [s].
         joints: gaze posture [rad].
         images: what the eyes saw.
@@ -80,6 +80,10 @@ class Cycle:
         palm: the palm's place by the encoders (3,) [m].
         goal: where the palm is to end (3,) [m].
         obstacles: what is known to stand in the way: centre (3,) [m] and shape.
+        outlines: of these in each image, each (M, 2) of (u, v); those that are in front of it.
+        legs: where the palm is to be at the end of each leg that is left of the plan, (3,) [m].
+        opening: of the hand, as commanded; None before the hand has a plan.
+        event: what somebody has done to the scene since the last cycle; mostly empty.
         seconds: time of each stage [s].
         full: the full-frame scan beside it.
     """
@@ -97,4 +101,8 @@ class Cycle:
     estimate: Floats | None = None
     goal: Floats | None = None
     obstacles: tuple[tuple[Floats, Cylinder], ...] = ()
+    outlines: Mapping[str, tuple[Polygon, ...]] = field(default_factory=dict)
+    legs: tuple[Floats, ...] = ()
+    opening: float | None = None
+    event: str = ""
     full: FullFrame | None = None
