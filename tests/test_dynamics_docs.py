@@ -15,6 +15,6 @@ def test_its_loop_goes_where_its_mental_simulation_goes(capsys):
     plan, state, goal = scope["plan"], scope["state"], scope["goal"]
     assert capsys.readouterr().out.startswith("True ")
     np.testing.assert_allclose(plan.palms[100], state.palm, atol=1e-9)
-    assert np.linalg.norm(state.palm[:3, 3] - goal.palm[:3, 3]) < 0.1 * np.linalg.norm(
+    assert np.linalg.norm(state.palm[:3, 3] - goal.palm[:3, 3]) < 0.3 * np.linalg.norm(
         plan.path[0] - goal.palm[:3, 3]
     )

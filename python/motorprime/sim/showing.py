@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..camera import Camera, PosedCamera
 from .bystander import looking_at
 from .cameras import Light, render
-from .meshes import write_lathe
 from .glass import Glass
+from .meshes import write_lathe
 from .world import connect, pybullet
 
 _LIGHTS = (
