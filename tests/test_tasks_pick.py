@@ -13,6 +13,7 @@ from motorprime.control.motion import simulate
 from motorprime.control.movement import State
 from motorprime.control.pose import PoseSolver
 from motorprime.control.side_grasp import SIDE_GRASP
+from motorprime.errors import UnreachableError
 from motorprime.motorplan import default_width
 from motorprime.tasks.cycle import Settings
 from motorprime.tasks.pick import ARRIVED, LOST, STARTLED, SURVEYS, TURNED, WIDER, Pick
@@ -259,6 +260,7 @@ def test_the_first_plan_leads_past_it(avoided, dynamics):
     plan = avoided.plans[0]
     assert len(plan.legs) == 3
     assert plan.legs[0].slim
+    assert np.isfinite(plan.clearance)
     rolled = plan.simulated
     state = State(rolled.fixations[0], rolled.palms[0], float(rolled.openings[0]))
     straight = simulate(dynamics, state, plan.legs[1:]).simulated.path
@@ -527,3 +529,21 @@ def test_it_may_be_stopped_at_any_cycle(painted):
             break
     cycles.close()
     assert task.outcome == "running"
+
+
+def test_a_plan_is_asked_for_with_all_that_is_known(painted, icub, monkeypatch):
+    """And where none is found, nothing has moved but the hand."""
+    asked = {}
+
+    def none(dynamics, state, legs, obstacles=(), *, target=None, **options):
+        asked.update(obstacles=obstacles, target=target)
+        raise UnreachableError("obstacle: no way")
+
+    monkeypatch.setattr("motorprime.tasks.pick.plan_motion", none)
+    task = painted(body=PaintedBody(icub, IN_REACH, can=can_at(-0.45, -0.05)))
+    run(task)
+    assert (task.outcome, task.reason) == ("refused", "obstacle: no way")
+    assert asked["target"].shape == GLASS
+    np.testing.assert_allclose(asked["target"].centre, task.estimate)
+    assert [obstacle.shape for obstacle in asked["obstacles"]] == [CAN]
+    assert not moved(task.body, task.controller.arm.names)
