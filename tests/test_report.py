@@ -217,6 +217,7 @@ def test_a_glass_that_was_not_lifted_is_no_success(tmp_path):
 
 def test_the_story_of_a_pick_is_told_from_within_and_from_outside(tmp_path):
     said = read(picked(tmp_path / "demo").read_text()).said
+    assert "The glass jumps 10 cm. What the robot knew" in said
     words = ("follows the planned path", "hit the target", "turned to the target", "mental simulation")
     words += ("plan leads past", "plans anew", "beside the target", "closed around", "target by friction")
     within = [said.index(word) for word in words]  # the largest picture first, then in their order

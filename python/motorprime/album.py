@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 QUALITY = 88  # of JPEG pictures
 LEAD = "On the way"
+HAPPENING = "Something happens"  # until it is known what
 
 _ALONG = "Attention follows the planned path from the hand to the target"
 _MOMENTS = {
@@ -27,7 +28,7 @@ _MOMENTS = {
     "Reach begins": "The plan leads past what was seen, where anything was; attention follows it from the "
     "hand to the target",
     LEAD: _ALONG,
-    "Something happens": "What the robot knew is no longer so; it looks, and plans anew",
+    HAPPENING: "What the robot knew is no longer so; it looks, and plans anew",
     "Arrival": "The palm is beside the target, and hides part of it",
     "Grasp": "The hand has closed around the target; what it leaves free is still seen",
     "Lift": "Thumb and fingers hold the target by friction alone",
@@ -52,6 +53,7 @@ class Album:
         self._eyes: dict[str, bytes] = {}
         self._views: dict[str, bytes] = {}
         self._frames: dict[str, bytes] = {}
+        self._event = HAPPENING
         self._reach: list[tuple[int, bytes, bytes | None, bytes | None]] = []
 
     def keep(self, cycle: Cycle, panel: Picture, frame: Picture | None, view: Picture | None) -> None:
@@ -71,7 +73,7 @@ class Album:
         if seen is not None:
             self._views.setdefault("Start", seen)
         if cycle.event:
-            self._eyes["Something happens"] = eyes
+            self._eyes[HAPPENING], self._event = eyes, cycle.event
         for pictures, picture in ((self._eyes, eyes), (self._frames, shown), (self._views, seen)):
             if picture is not None and not (first and moment in pictures):
                 pictures[moment] = picture
@@ -108,8 +110,9 @@ class Album:
             kept.pop("Still searching", None)
         if middle is not None:
             kept[LEAD] = middle[1]
+        titled = {moment: self._event if moment == HAPPENING else moment for moment in _MOMENTS}
         return [
-            _shot(moment, told, f"What both eyes saw. {moment}: {told}.", kept[moment])
+            _shot(titled[moment], told, f"What both eyes saw. {titled[moment]}: {told}.", kept[moment])
             for moment, told in _MOMENTS.items()
             if moment in kept
         ]
