@@ -152,7 +152,7 @@ def test_a_leg_that_is_done_from_the_start_costs_no_time():
 
 
 def test_a_leg_that_is_never_done_ends_the_simulation_there_and_it_has_not_arrived():
-    never = replace(CORNER, near=0.0)
+    never = replace(CORNER, near=1e-9)
     motion = simulate(simple(), START, [never, END])
     assert not motion.simulated.arrived
     assert motion.legs == (never, END)

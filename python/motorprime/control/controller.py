@@ -111,7 +111,7 @@ class Controller:
         parts = math.ceil(period / self.dynamics.largest_step - 1e-9)
         commands: list[dict[str, float]] = []
         for _ in range(steps):
-            if self.slim < FOLDED or len(motion.legs) == 1 or motion.legs[1].slim:
+            if not motion.legs[0].unfold or self.slim < FOLDED:
                 # The arm itself must have come to the pre-grasp; a via-point only shapes the way.
                 motion = motion.advance(self.palm if len(motion.legs) <= 2 else self._state().palm)
             for _ in range(parts):

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays import Floats
+from .._arrays import Floats, not_negative, positive
+from ..errors import ArgumentError
 from .cds import CoupledDynamics
 from .movement import Goal, RollOut, State
 
@@ -25,7 +26,7 @@ class Leg:
         near: distance [m] of the palm from it at which the next leg begins.
         turned: angle [rad] between the palm and the goal's below which it does.
         slim: whether the hand is to be slim on it, as when it passes an obstacle,
-        unfold: until so near [m] to the goal. A leg to which the next one is not slim ends unfolded.
+        unfold: until so near [m] to the goal, where not 0; such a leg ends with the hand unfolded.
     """
 
     goal: Goal
@@ -33,6 +34,12 @@ class Leg:
     turned: float = math.inf
     slim: bool = False
     unfold: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("near", self.near)
+        not_negative("unfold", self.unfold)
+        if not self.turned > 0.0:
+            raise ArgumentError(f"turned: expected an angle > 0, got {self.turned}")
 
     def done(self, palms: Floats) -> NDArray[np.bool_]:
         """Whether (N,) palms (N, 4, 4) have come near enough."""
@@ -74,6 +81,8 @@ class Motion:
 
     def shifted(self, goals: Sequence[Goal]) -> Motion:
         """The same motion with other goals for its last legs; its simulation is still the old one."""
+        if not goals:
+            return self
         count = min(len(goals), len(self.legs))
         pairs = zip(self.legs[-count:], goals[-count:], strict=True)
         moved = tuple(replace(leg, goal=goal) for leg, goal in pairs)

@@ -29,6 +29,7 @@ ALLOWANCE = 0.06
 SAFETY = 0.11
 """Distance [m] of the via-point from the obstacle's surface: the palm, and fingers that are half bent."""
 
+PARALLEL = 0.9  # cosine from which two directions give the same via-points
 WIDER = (1.0, 1.3, 1.6)  # times SAFETY: tried in this order
 TIGHT = 0.04  # the hand's own thickness [m]: no goal may be nearer to an obstacle
 MARGIN = 0.01  # an obstacle that the hand starts too close to may not come nearer than this [m]
@@ -67,7 +68,9 @@ def plan_motion(
     if not legs or length == 0.0:
         raise ArgumentError("legs, anterior: expected at least one leg, and a direction of some length")
     barriers = [_Barrier.off(o, state, legs, allowance, whole=True) for o in obstacles]
-    if target is not None and len(legs) > 1:
+    if (
+        target is not None and len(legs) > 1 and _gap(target, state) > MARGIN
+    ):  # else the hand is there already
         barriers.append(_Barrier.off(target, state, legs[:-1], allowance, whole=False))
     direct = simulate(dynamics, state, legs)
     hit = _first_hit(direct, barriers)
@@ -86,8 +89,9 @@ def plan_motion(
             clear = motion.simulated.arrived and _first_hit(motion, barriers) is None
             if clear and (feasible is None or feasible(motion)):
                 return _judged(motion, obstacles)
-    places = ", ".join(str(np.round(barrier.obstacle.centre, 3).tolist()) for barrier in barriers)
-    raise UnreachableError(f"obstacle: none of {tried} via-points leads past what stands at {places} m")
+    places = [f"what stands at {np.round(b.obstacle.centre, 3)} m" for b in barriers if b.whole]
+    past = " and ".join([*places, *("the target" for b in barriers if not b.whole)])
+    raise UnreachableError(f"obstacle: none of {tried} via-points leads past {past}")
 
 
 def _judged(motion: Motion, obstacles: Sequence[Obstacle]) -> Motion:
@@ -115,7 +119,7 @@ class _Barrier:
                 f"goal: in collision; the palm would be {end * 100:.1f} cm from an obstacle "
                 f"at {np.round(obstacle.centre, 3)} m and needs {TIGHT * 100:.1f} cm"
             )
-        start = float(obstacle.gap(state.palm[None, :3, 3])[0][0])
+        start = _gap(obstacle, state)
         if start < MARGIN:
             raise UnreachableError(
                 f"start: in collision; the palm is {start * 100:.1f} cm from an obstacle "
@@ -136,6 +140,11 @@ class _Barrier:
         return int(near[0]) if len(near) else None
 
 
+def _gap(obstacle: Obstacle, state: State) -> float:
+    """Distance [m] of the palm from an obstacle's surface."""
+    return float(obstacle.gap(state.palm[None, :3, 3])[0][0])
+
+
 def _first_hit(motion: Motion, barriers: Sequence[_Barrier]) -> _Barrier | None:
     """What the path comes too close to first."""
     hits = [(where, k) for k, barrier in enumerate(barriers) if (where := barrier.hit(motion)) is not None]
@@ -153,10 +162,9 @@ def _via_points(path: Floats, obstacle: Obstacle, state: State, goal: Goal, ahea
     along = goal.palm[:3, 3] - state.palm[:3, 3]
     across = np.array([-along[1], along[0], 0.0])
     across /= max(float(np.linalg.norm(across)), 1e-9)
+    sides = (ahead,) if abs(float(across @ ahead)) > PARALLEL else (ahead, across)
     directions = [
-        sign * side
-        for side in (ahead, across)
-        for sign in ((1.0, -1.0) if offset @ side >= 0.0 else (-1.0, 1.0))
+        sign * side for side in sides for sign in ((1.0, -1.0) if offset @ side >= 0.0 else (-1.0, 1.0))
     ]
     turn = _halfway(state.palm[:3, :3], goal.palm[:3, :3])
     top = obstacle.centre[2] + obstacle.shape.height / 2

@@ -6,6 +6,7 @@ again along what it is going to do: the mental simulation of the rest of the mov
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -52,6 +53,7 @@ STARTLED = 1.0  # so long [s] after a jump or a loss attention is wider,
 WIDER = 2.0  # this many times
 LOST = 8  # cycles without the target until it is searched again
 OPENING = 0.5  # time in which the hand opens [s]
+SECOND_THOUGHTS = 10  # cycles in which no way is found, on the way, until that is the end of it
 STUCK, STIRRED = 1.0, 0.01  # an arm that turned no joint so far [rad] in so long [s] is stuck
 CLOSING = 1.0  # time in which the hand closes [s]
 LIFTING, HOLDING = 1.5, 1.2  # time to lift and to hold [s]
@@ -173,8 +175,9 @@ class Pick(Seeker):
             self._choose()
 
     def _plan(self) -> None:
-        """Plan from where the controller is."""
+        """Plan from where the arm is commanded to be; an older plan may have run ahead of it."""
         assert self.grasp is not None and self.controller.state is not None
+        self.controller.state = replace(self.controller.state, palm=self.controller.palm)
         self._avoid()
         legs = self._legs()
         last = self.grasp.grasp.angles
@@ -189,7 +192,8 @@ class Pick(Seeker):
         self._stale = False
 
     def _approach(self) -> Iterator[Cycle]:
-        start = self._stirred = self.body.time
+        start, failed = self.body.time, 0
+        self._stirred = start
         while True:
             assert self.motion is not None and self.controller.state is not None
             ahead = simulate(self.controller.dynamics, self.controller.state, self.motion.legs).simulated
@@ -199,17 +203,28 @@ class Pick(Seeker):
                 yield from self._search_again()
                 if self.outcome != "running":
                     return
+                start = self._stirred = self.body.time
             try:
                 self._revise()
+                failed = 0
             except UnreachableError as error:
-                self._end("missed", str(error))
-                return
+                # What was seen just now may be seen better in a moment; until then the hand stays.
+                failed += 1
+                if failed > SECOND_THOUGHTS:
+                    self._end("missed", str(error))
+                    return
+                self._stale = True
+                self.body.move({}, PERIOD)
+                continue
             if self._there():
                 return
             if self.body.time - start > PATIENCE:
                 self._end("missed", f"the palm stopped {self._left() * 1e3:.0f} mm from the grasp")
                 return
-            self._stale = self._stale or self._stuck()
+            if self._stuck():
+                with contextlib.suppress(UnreachableError):  # then the old plan may still lead on
+                    self._choose()
+                    self._plan()
             self._advance(PERIOD)
 
     def _stuck(self) -> bool:
@@ -246,6 +261,7 @@ class Pick(Seeker):
             for (place, _), avoided in zip(known, self._avoided, strict=False)
         )
         if moved:
+            self._choose()
             self._plan()
 
     def _take(self, sought: Sought, located: Located | None) -> None:
@@ -274,9 +290,9 @@ class Pick(Seeker):
         return WIDER * (self.settings.width or default_width(shape))
 
     def _left(self) -> float:
-        """Distance [m] of the commanded palm from the grasp."""
+        """Distance [m] of the palm from the grasp, by the encoders."""
         assert self.motion is not None
-        return float(np.linalg.norm(self.controller.palm[:3, 3] - self.motion.goal.palm[:3, 3]))
+        return float(np.linalg.norm(self._palm() - self.motion.goal.palm[:3, 3]))
 
     def _there(self) -> bool:
         assert self.motion is not None
@@ -286,7 +302,7 @@ class Pick(Seeker):
         self._still = 0 if closer or len(self.motion.legs) > 1 else self._still + 1
         if len(self.motion.legs) > 1 or left > (NEARLY if self._still >= SETTLED else ARRIVED):
             return False
-        turned = self.controller.palm[:3, :3].T @ self.motion.goal.palm[:3, :3]
+        turned = self.controller.arm.palm(self._angles())[:3, :3].T @ self.motion.goal.palm[:3, :3]
         return bool(np.trace(turned) > 1.0 + 2.0 * np.cos(TURNED))
 
     def _advance(self, seconds: float) -> None:

@@ -27,7 +27,8 @@ from .trial import BENCH, Staged
 LIFTED, HELD = 0.05, 1.0
 """The glass counts as lifted when its bottom stays so high over the table [m] for so long [s]."""
 
-AWAY = 0.26  # of the palm's start from the glass when something is to stand between [m]
+AWAY = 0.26  # of the palm's start from the glass when something is to stand between [m],
+FARTHER = 0.33  # and when it is to appear there
 STARTS, STARTS_A_PLACE = 80, 5  # until there is room for an obstacle, and with the glass at one place
 APPEARING, JUMPING = (0.0, 0.3), (0.2, 0.8)  # when that happens, after the hand has set out [s]
 
@@ -150,7 +151,7 @@ class PickTrial(Staged):
             if attempt % STARTS_A_PLACE == STARTS_A_PLACE - 1:
                 self.stage.scene.move_glass(spot_anywhere(self.stage.scene, self.generator, self._may_stand))
             try:
-                strike_start(self.stage, self.generator, away=AWAY)
+                strike_start(self.stage, self.generator, away=FARTHER if self._perturb else AWAY)
                 if self._perturb:
                     return  # it appears later
                 palm = self.stage.world.palm_pose()[:3, 3]
