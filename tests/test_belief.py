@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from motorprime.cylinder import Located
-from motorprime.tasks.belief import BETTER, FADING, JUMP, Belief
+from motorprime.tasks.belief import BETTER, DOUBTFUL, FADING, JUMP, Belief
 
 PLACE = np.array([-0.3, 0.1, 0.02])
 
@@ -66,9 +66,21 @@ def test_one_that_is_seen_better_replaces_what_was_believed_without_being_a_jump
 @pytest.mark.parametrize("direction", np.vstack([np.eye(3), -np.eye(3)]).tolist())
 def test_a_place_farther_than_noise_goes_is_a_jump_and_taken_at_once(direction):
     belief = believing(overlap=0.9)
-    assert belief.update(seen(PLACE + (JUMP + 1e-6) * np.array(direction), 0.3)) is True
+    seen_as_well = FADING * 0.9 - DOUBTFUL + 1e-6
+    assert belief.update(seen(PLACE + (JUMP + 1e-6) * np.array(direction), seen_as_well)) is True
     np.testing.assert_allclose(belief.place, PLACE + (JUMP + 1e-6) * np.array(direction))
-    assert belief.trust == 0.3
+    assert belief.trust == seen_as_well
+
+
+def test_a_jump_that_is_seen_far_worse_is_doubted_but_not_for_ever():
+    """A thing that is half hidden looks as if it were elsewhere."""
+    belief = believing(overlap=0.9)
+    sightings = 0
+    while not belief.update(seen(off(2.0 * JUMP), 0.5)):
+        np.testing.assert_array_equal(belief.place, PLACE)
+        sightings += 1
+    assert 3 < sightings < 20
+    np.testing.assert_allclose(belief.place, off(2.0 * JUMP))
 
 
 def test_a_place_a_little_nearer_is_none():
