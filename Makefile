@@ -8,7 +8,7 @@ READY  := $(VENV)/.ready
 PYTHON ?= $(shell for p in python3.11 python3.10 python3 python; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info[:2] not in ((3, 10), (3, 11)))' >/dev/null 2>&1 \
 	&& echo $$p && break; done)
-SEED   ?= 1
+SEED   ?= 3
 
 .PHONY: demo test bench lint wheel clean setup
 

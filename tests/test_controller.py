@@ -222,9 +222,9 @@ def test_time_is_cut_into_steps_that_the_dynamics_certify(arm, start, postures):
 
 
 def test_a_hand_that_waits_at_the_pregrasp_is_not_the_one_that_has_arrived(icub, arm, start, postures):
-    controller = begun(arm, postures[0], simple(), opening=0.0)
+    controller = begun(arm, postures[0] + 1e-3, simple(), opening=0.0)
     motion = simulate(simple(), controller.state, legs(arm, postures))
-    motion = replace(motion, legs=(replace(motion.legs[0], turned=1e-12), motion.legs[1]))
+    motion = replace(motion, legs=(replace(motion.legs[0], near=1e-12), motion.legs[1]))
     _, commands = controller.advance(motion, PERIOD)
     assert np.linalg.norm(controller.palm[:3, 3] - motion.legs[0].goal.palm[:3, 3]) < SIDE_GRASP.arrived
     assert commands[-1]["r_pinky"] == pytest.approx(icub.hand.targets(SIDE_GRASP.roomy)["r_pinky"])
