@@ -265,11 +265,11 @@ def test_reach_json_prints_json_and_nothing_else_on_stdout(tmp_path):
     assert "glass" not in judged["touched"]  # to touch it is the aim
     _check_the_story(result["history"])
     assert set(result["certificates"]) == {"eye", "arm", "hand"}
-    assert result == json.loads((tmp_path / "runs" / "reach-1" / "result.json").read_text())
+    assert result == json.loads((tmp_path / "runs" / "reach-3" / "result.json").read_text())
     assert "Report: " in err
     for noise in ("argv[0]", "pybullet", "Traceback", "Warning"):
         assert noise not in out + err
-    assert sorted(p.name for p in (tmp_path / "runs" / "reach-1").iterdir()) == ["report.html", "result.json"]
+    assert sorted(p.name for p in (tmp_path / "runs" / "reach-3").iterdir()) == ["report.html", "result.json"]
     assert set(result["meta"]) >= {
         "seed",
         "windows",
