@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
+from .measuring import show, writable, wrote
 from .options import JsonFile, Seed, err, out
 
 learn = typer.Typer(help="Learn movements from demonstrations.", no_args_is_help=True)
@@ -41,10 +42,10 @@ def _lasa(
     from ..evaluate.common import Progress
     from ..evaluate.lasa import MOTIONS, evaluate_lasa
 
-    _check(json_file)
+    writable(json=json_file)
     chosen = MOTIONS if motions is None else motions
     result = evaluate_lasa(motions=chosen, seed=seed, workers=workers, progress=Progress(err))
-    _show("evaluate lasa", result, json_file)
+    show("lasa", result, json_file)
 
 
 def _demonstrations(
@@ -65,9 +66,9 @@ def _demonstrations(
     from ..evaluate.common import Progress
     from ..evaluate.demonstrations import evaluate_demonstrations
 
-    _check(json_file)
+    writable(json=json_file)
     result = evaluate_demonstrations(path, seed=seed, progress=Progress(err))
-    _show("evaluate demonstrations", result, json_file)
+    show("demonstrations", result, json_file)
 
 
 @learn.command("cds", short_help="The eye-arm-hand controller, from motion capture.")
@@ -85,7 +86,6 @@ def _learn_cds(
     the goal and two couplings, and writes one model. Gaze is not recorded: it is synthetic, saccades that
     land 188 ms before the hand sets off.
     """
-    from ..evaluate.common import check_writable
     from ..learning.movements import learn_cds
     from ..recordings.motion_capture import read_motion_capture
     from ..recordings.reaches import find_reaches
@@ -93,8 +93,7 @@ def _learn_cds(
 
     if report is not None:
         check_report(report)
-        check_writable(report, "report")
-    check_writable(output, "out")
+    writable(out=output, report=report)
     found = find_reaches(read_motion_capture(demos))
     with err.status(f"learning from {len(found)} reaches"):
         model = learn_cds(found.reaches, seed=seed)
@@ -104,25 +103,9 @@ def _learn_cds(
         out.print(
             f"{name}: {len(system.weights)} components, nearer by {-certificate.continuous:.3g} 1/s at least"
         )
-    err.print(f"wrote {output}", markup=False, highlight=False, soft_wrap=True)
+    wrote(output)
     if report is not None:
         from ..report.movements import movement_sheet
 
         write_sheet(report, movement_sheet(model, found, seed=seed))
-        err.print(f"Report: {report}", markup=False, highlight=False, soft_wrap=True)
-
-
-def _check(json_file: Path | None) -> None:
-    from ..evaluate.common import check_writable
-
-    if json_file is not None:
-        check_writable(json_file)
-
-
-def _show(title: str, result: dict[str, Any], json_file: Path | None) -> None:
-    from ..evaluate.common import table, write_json
-
-    out.print(table(title, {k: v for k, v in result.items() if k != "details"}))
-    if json_file is not None:
-        write_json(json_file, result)
-        err.print(f"wrote {json_file}", markup=False, highlight=False, soft_wrap=True)
+        wrote(report, "Report:")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,8 @@ class Mixture:
     weights: Floats
     means: Floats
     covariances: Floats
+    _offsets: Floats = field(init=False, repr=False)
+    _whitening: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         weights = numbers("weights", self.weights)
@@ -65,10 +67,8 @@ class Mixture:
         Normalised in logarithms: far from the data, where every density underflows, the component that is
         nearest by Mahalanobis distance takes over.
         """
-        offsets: Floats = self._offsets  # type: ignore[attr-defined]
-        whitening: Floats = self._whitening  # type: ignore[attr-defined]
-        white = np.einsum("kij,nkj->nki", whitening, points[:, None, :] - self.means)
-        logs = offsets - 0.5 * (white**2).sum(axis=2)
+        white = np.einsum("kij,nkj->nki", self._whitening, points[:, None, :] - self.means)
+        logs = self._offsets - 0.5 * (white**2).sum(axis=2)
         likelihoods: Floats = np.exp(logs - logs.max(axis=1, keepdims=True))
         likelihoods /= likelihoods.sum(axis=1, keepdims=True)
         return likelihoods
