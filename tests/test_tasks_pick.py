@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,12 +12,13 @@ import pytest
 from motorprime import ArgumentError, Attention, KinematicProjection, shipped
 from motorprime.control.motion import simulate
 from motorprime.control.movement import State
+from motorprime.control.obstacle import plan_motion
 from motorprime.control.pose import PoseSolver
 from motorprime.control.side_grasp import SIDE_GRASP
 from motorprime.errors import UnreachableError
 from motorprime.motorplan import default_width
 from motorprime.tasks.cycle import Settings
-from motorprime.tasks.pick import ARRIVED, LOST, STARTLED, SURVEYS, TURNED, WIDER, Pick
+from motorprime.tasks.pick import APART, ARRIVED, LOST, SIDES, STARTLED, SURVEYS, TURNED, WIDER, Pick
 from motorprime.tasks.seeker import PERIOD
 from painted_body import BENCH, BEYOND, CAN, GLASS, IN_REACH, PaintedBody, can, can_at, target
 
@@ -529,18 +531,40 @@ def test_it_may_be_stopped_at_any_cycle(painted):
     assert task.outcome == "running"
 
 
+def test_where_no_way_leads_to_the_best_side_the_next_is_taken(painted, monkeypatch):
+    def all_but_the_first(dynamics, state, legs, *rest, **options):
+        sides.append(legs[-1].goal.palm[:3, 2])
+        if len(sides) == 1:
+            raise UnreachableError("obstacle: no way")
+        return plan_motion(dynamics, state, legs, *rest, **options)
+
+    sides = []
+    monkeypatch.setattr("motorprime.tasks.pick.plan_motion", all_but_the_first)
+    task = painted()
+    run(task, until="reach")
+    assert len(sides) == 2
+    assert sides[0] @ sides[1] < np.cos(APART - np.deg2rad(8.0))
+    np.testing.assert_allclose(task.grasp.palm[:3, 2], sides[1])
+
+
 def test_a_plan_is_asked_for_with_all_that_is_known(painted, icub, monkeypatch):
     """And where none is found, nothing has moved but the hand."""
     asked = {}
 
     def none(dynamics, state, legs, obstacles=(), *, target=None, **options):
         asked.update(obstacles=obstacles, target=target)
+        sides.append(legs[-1].goal.palm[:3, 2])
         raise UnreachableError("obstacle: no way")
+
+    sides = []
 
     monkeypatch.setattr("motorprime.tasks.pick.plan_motion", none)
     task = painted(body=PaintedBody(icub, IN_REACH, can=can_at(-0.45, -0.05)))
     run(task)
-    assert (task.outcome, task.reason) == ("refused", "obstacle: no way")
+    assert (task.outcome, task.reason) == ("refused", f"obstacle: no way (sides tried: {len(sides)})")
+    assert 1 < len(sides) <= SIDES
+    between = [np.arccos(np.clip(a @ b, -1.0, 1.0)) for a, b in combinations(sides, 2)]
+    assert min(between) > APART - np.deg2rad(8.0)  # a side is refined by so much after it is chosen
     assert asked["target"].shape == GLASS
     np.testing.assert_allclose(asked["target"].centre, task.estimate)
     assert [obstacle.shape for obstacle in asked["obstacles"]] == [CAN]

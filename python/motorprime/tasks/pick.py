@@ -48,6 +48,8 @@ NEARLY, CREEP, SETTLED = 0.010, 0.0005, 4
 TURNED = float(np.deg2rad(3.0))
 PATIENCE = 15.0  # a movement that takes longer has failed [s]
 NEAR = 0.06  # from here [m] the hand hides the target, and what is known of it stays
+SIDES = 3  # of the target to which a way is sought, the most comfortable first,
+APART = float(np.deg2rad(25.0))  # so far apart
 SHIFTED = 0.015  # an obstacle that is so far [m] from where it was asks for a new plan
 STARTLED = 1.0  # so long [s] after a jump or a loss attention is wider,
 WIDER = 2.0  # this many times
@@ -112,7 +114,7 @@ class Pick(Seeker):
         try:
             self._choose()
             yield from self._survey()
-            self._plan()
+            self._find_way()
         except UnreachableError as error:
             self._end("refused", str(error))
             return
@@ -121,12 +123,19 @@ class Pick(Seeker):
             yield from self._close()
             yield from self._lift()
 
-    def _choose(self) -> None:
-        """Choose how to grasp the target where it is believed to be, among what is known to stand about."""
+    def _choose(self, but: Sequence[float] = ()) -> None:
+        """Choose how to grasp the target where it is believed to be, among what is known to stand about.
+
+        Not from a side near those in ``but`` [rad].
+        """
         assert self.estimate is not None
         centre = self.estimate.copy()
         self._avoid()
-        self.grasp = choose(self.controller.arm, centre, self.target.shape.radius, start=self._angles())
+        sides = [a for a in SIDE_GRASP.azimuths if all(abs(a - other) >= APART for other in but)]
+        if not sides:
+            raise UnreachableError("target: no other side of it is left to be tried")
+        radius, start = self.target.shape.radius, self._angles()
+        self.grasp = choose(self.controller.arm, centre, radius, start=start, azimuths=sides)
         self._chosen_for = centre
 
     def _avoid(self) -> None:
@@ -171,8 +180,25 @@ class Pick(Seeker):
         way = simulate(self.controller.dynamics, state, legs).simulated.path
         for _ in range(SURVEYS):
             yield self._look_along("survey", self._to_target(_spread(way)), legs[-1].goal.palm[:3, 3])
-        if self.known_obstacles:
-            self._choose()
+
+    def _find_way(self) -> None:
+        """Choose a grasp and plan the way to it; where none leads there, from another side."""
+        tried: list[float] = []
+        refusals: list[str] = []
+        while len(tried) < SIDES:
+            try:
+                self._choose(but=tried)
+            except UnreachableError as error:
+                refusals.append(str(error))
+                break
+            assert self.grasp is not None
+            tried.append(self.grasp.azimuth)
+            try:
+                self._plan()
+                return
+            except UnreachableError as error:
+                refusals.append(str(error))
+        raise UnreachableError(f"{refusals[0]} (sides tried: {len(tried)})" if tried else refusals[0])
 
     def _plan(self) -> None:
         """Plan from where the arm is commanded to be; an older plan may have run ahead of it."""
@@ -223,8 +249,7 @@ class Pick(Seeker):
                 return
             if self._stuck():
                 with contextlib.suppress(UnreachableError):  # then the old plan may still lead on
-                    self._choose()
-                    self._plan()
+                    self._find_way()
             self._advance(PERIOD)
 
     def _stuck(self) -> bool:
@@ -251,8 +276,7 @@ class Pick(Seeker):
         """Take up what was seen: a target elsewhere asks for another grasp, an obstacle for another way."""
         assert self.motion is not None
         if self._stale:
-            self._choose()
-            self._plan()
+            self._find_way()
             return
         self.motion = self.motion.shifted([leg.goal for leg in self._legs()])
         known = self.known_obstacles
@@ -261,8 +285,7 @@ class Pick(Seeker):
             for (place, _), avoided in zip(known, self._avoided, strict=False)
         )
         if moved:
-            self._choose()
-            self._plan()
+            self._find_way()
 
     def _take(self, sought: Sought, located: Located | None) -> None:
         """Near the end the hand hides the target: what is seen then is worth less than what is known."""
@@ -343,7 +366,14 @@ class Pick(Seeker):
         return self._look_along(phase, points, self.motion.goal.palm[:3, 3])
 
 
-def choose(arm: PoseSolver, centre: Floats, radius: float, *, start: Floats | None = None) -> Grasp:
+def choose(
+    arm: PoseSolver,
+    centre: Floats,
+    radius: float,
+    *,
+    start: Floats | None = None,
+    azimuths: Sequence[float] = SIDE_GRASP.azimuths,
+) -> Grasp:
     """The most comfortable grasp from the side of something upright, centred at ``centre`` (3,) [m].
 
     Raises:
@@ -353,7 +383,7 @@ def choose(arm: PoseSolver, centre: Floats, radius: float, *, start: Floats | No
         arm,
         lambda azimuth: SIDE_GRASP.pose(centre, azimuth, radius),
         distance=BACK,
-        azimuths=SIDE_GRASP.azimuths,
+        azimuths=azimuths,
         start=start,
     )
 
