@@ -65,7 +65,7 @@ def learn_cds(
     near: float = 0.02,
     step: float = 0.01,
     components: Iterable[int] = COMPONENTS,
-    n_init: int = 3,
+    n_init: int = 10,
     seed: int | np.random.Generator | None = None,
 ) -> CoupledDynamics:
     """The coupled dynamical systems of these reaches.
@@ -115,7 +115,7 @@ def fit_arm(
     blocks: Sequence[int] | None = None,
     step: float = 0.01,
     components: Iterable[int] = COMPONENTS,
-    n_init: int = 3,
+    n_init: int = 10,
     seed: int | np.random.Generator | None = None,
 ) -> LpvDs:
     """The arm's system, with the settings that held for reaches; arguments as of :func:`fit_lpvds`."""
