@@ -69,6 +69,26 @@ def cloud(icub):
     return reach_cloud
 
 
+@pytest.fixture(scope="session")
+def painted(icub, cloud):
+    """Makes a task of picking up on a painted body, with the shipped dynamics."""
+    from motorprime import Attention, KinematicProjection, shipped
+    from motorprime.tasks.pick import Pick
+    from painted_body import BENCH, IN_REACH, PaintedBody, can, target
+    from picking_up import QUICK
+
+    dynamics = shipped.coupled_dynamics()
+
+    def make(glass=IN_REACH, *, robot=icub, settings=QUICK, seed=1, body=None, **angles):
+        body = body or PaintedBody(robot, glass, **angles)
+        attention = Attention(KinematicProjection(robot), cloud=cloud)
+        return Pick(
+            body, target(), attention, BENCH, dynamics, obstacles=(can(),), settings=settings, seed=seed
+        )
+
+    return make
+
+
 @pytest.fixture
 def rng():
     return np.random.default_rng(20)

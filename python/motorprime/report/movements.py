@@ -41,7 +41,10 @@ def movement_sheet(model: CoupledDynamics, found: Reaches, *, seed: int) -> Shee
         ),
         (
             (f"{arrived} of {len(made)}", "reproductions that arrived in 10 s"),
-            (f"{np.mean(times):.2f} s", f"to 1 cm from the goal; people took {np.mean(shown_times):.2f} s"),
+            (
+                f"{np.mean(times):.2f} s",
+                f"to 1 cm from the goal; the person took {np.mean(shown_times):.2f} s",
+            ),
             (f"{float(model.arm_hand.expected(0.02)):.2f}", "opening at 2 cm from the goal, 1 is wide open"),
             (f"{1e3 * model.largest_step:.3g} ms", "largest time step that is certified"),
         ),
@@ -60,7 +63,7 @@ def movement_sheet(model: CoupledDynamics, found: Reaches, *, seed: int) -> Shee
 
 COUPLED = (
     "Left: while the eye is far from the target the arm is expected to be far, and so it waits. No "
-    "gaze was recorded; the saccades are synthetic. Right: how open people's hands were at each "
+    "gaze was recorded; the saccades are synthetic. Right: how open the hand was at each "
     "distance of the palm, and what the coupling expects. It goes to zero with the distance, so that "
     "all come to rest together."
 )
@@ -131,7 +134,9 @@ def paths_shot(model: CoupledDynamics, shown: list[Demonstration], made: list[Ro
             for k, (one, path) in enumerate(zip(shown, made, strict=True)):
                 goal = path.palms[-1]
                 places = (path.path - goal[:3, 3]) @ goal[:3, :3]
-                panel.plot(*(100 * one.states[:, [a, b]].T), color=FULL, lw=1, label="" if k else "people")
+                panel.plot(
+                    *(100 * one.states[:, [a, b]].T), color=FULL, lw=1, label="" if k else "the person"
+                )
                 panel.plot(*(100 * places[:, [a, b]].T), color=LINE, lw=1.2, label="" if k else "the model")
             panel.plot(0, 0, "o", color=GOOD, ms=7, label="grasp")
             panel.set_xlabel(f"{first} [cm]")
@@ -143,7 +148,7 @@ def paths_shot(model: CoupledDynamics, shown: list[Demonstration], made: list[Ro
             "The palm's way to the grasp",
             "In the axes of the palm at the grasp, so that a turned grasp is approached the same way,"
             " turned. Streamlines are cut through the mean path in the third direction.",
-            "Paths of people and of the model, on streamlines",
+            "Paths of the person and of the model, on streamlines",
         )
 
 
@@ -153,10 +158,10 @@ def time_shot(shown: list[Demonstration], found: Reaches, made: list[RollOut]) -
         figure = new_figure(3.2)
         panels: Any = figure.subplots(1, 2)
         for k, (one, reach, path) in enumerate(zip(shown, found.reaches, made, strict=True)):
-            people, ours = ("people", "the model") if k == 0 else ("", "")
+            person, ours = ("the person", "the model") if k == 0 else ("", "")
             far = np.linalg.norm(path.path - path.path[-1], axis=1)
             panels[0].plot(
-                one.times, 100 * np.linalg.norm(one.states[:, :3], axis=1), color=FULL, lw=1, label=people
+                one.times, 100 * np.linalg.norm(one.states[:, :3], axis=1), color=FULL, lw=1, label=person
             )
             panels[0].plot(path.times, 100 * far, color=LINE, lw=1, label=ours)
             panels[1].plot(one.times, reach.openings, color=FULL, lw=1)
@@ -170,13 +175,13 @@ def time_shot(shown: list[Demonstration], found: Reaches, made: list[RollOut]) -
             figure,
             "Distance and opening over time",
             "From where each reach began. A model that only knows where it is starts at once where "
-            "people speed up from rest.",
-            "Curves of people and of the model",
+            "a person speeds up from rest.",
+            "Curves of the person and of the model",
         )
 
 
 def coupling_shot(model: CoupledDynamics, shown: list[Demonstration], found: Reaches) -> Shot:
-    """What the couplings expect, over what people did."""
+    """What the couplings expect, over what the person did."""
     with styled():
         figure = new_figure(3.2)
         panels: Any = figure.subplots(1, 2)
@@ -186,7 +191,7 @@ def coupling_shot(model: CoupledDynamics, shown: list[Demonstration], found: Rea
         panels[0].set_ylabel("distance of the palm [cm]")
         for k, (one, reach) in enumerate(zip(shown, found.reaches, strict=True)):
             far = np.linalg.norm(one.states[:, :3], axis=1)
-            panels[1].plot(100 * far, reach.openings, color=FULL, lw=0.8, label="" if k else "people")
+            panels[1].plot(100 * far, reach.openings, color=FULL, lw=0.8, label="" if k else "the person")
         arm = np.linspace(0.0, 0.25, 300)
         panels[1].plot(100 * arm, _expected(model.arm_hand, arm), color=LINE, lw=2, label="expected")
         panels[1].axhline(0.1, color=INK, lw=0.8, ls=":")
@@ -206,7 +211,7 @@ def _expected(coupling: Coupling, psi: Floats) -> Floats:
 
 
 def _slice(shown: list[Demonstration], across: Floats, up: Floats, a: int, b: int) -> Floats:
-    """States (N, 6) in a plane; the third coordinate is that of people at the same first one, the "
+    """States (N, 6) in a plane; the third coordinate is that of the person at the same first one, the "
     "turn is 0."""
     third = 3 - a - b
     places = np.concatenate([one.states[:, :3] for one in shown])

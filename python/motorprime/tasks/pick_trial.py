@@ -147,17 +147,25 @@ class PickTrial(Staged):
         if not self._obstacle:
             strike_start(self.stage, self.generator)
             return
-        for attempt in range(STARTS):
-            if attempt % STARTS_A_PLACE == STARTS_A_PLACE - 1:
+        away = FARTHER if self._perturb else AWAY
+        tried = 0  # with the glass where it is
+        for _ in range(STARTS):
+            if tried == STARTS_A_PLACE:
                 self.stage.scene.move_glass(spot_anywhere(self.stage.scene, self.generator, self._may_stand))
+                tried = 0
+            tried += 1
             try:
-                strike_start(self.stage, self.generator, away=FARTHER if self._perturb else AWAY)
-                if self._perturb:
-                    return  # it appears later
-                palm = self.stage.world.palm_pose()[:3, 3]
+                strike_start(self.stage, self.generator, away=away)
+            except StateError:
+                tried = STARTS_A_PLACE  # the hand cannot start so far from there
+                continue
+            palm = self.stage.world.palm_pose()[:3, 3]
+            try:
                 spot = spot_between(self.stage.scene, CANISTER, palm, self.generator, self._leaves_room)
             except StateError:
                 continue
+            if self._perturb:
+                return  # there is room; it appears later
             self.stage.scene.stand_obstacle(CANISTER, spot)
             standing = self.stage.scene.obstacle
             if standing is not None and self.stage.world.clear_of([standing], 0.02):
