@@ -132,7 +132,7 @@ def _has_room(
     if np.linalg.norm(offset) < glass.radius + thing.radius + 0.05:
         return False
     # The eyes look from the near side, and the hand comes from the right: keep both free, the latter up to
-    # the table's edge, because whoever reaches here does not see obstacles yet.
+    # the table's edge: kitchenware is none of the obstacles that the robot has a detector for.
     if offset[0] > -HAND_ROOM - thing.radius and offset[1] > -glass.radius - thing.radius:
         return False
     return not (offset[0] > -0.02 and np.linalg.norm(offset) < 0.24)
