@@ -459,3 +459,10 @@ def test_outlines_are_those_of_each_camera_without_the_ones_that_are_behind():
     assert set(drawn) == {"left", "right"}
     for name, polygon in drawn.items():
         np.testing.assert_allclose(polygon, outline(views[name], PLACES[0], GLASS), atol=1e-3)
+
+
+def test_its_axis_is_inside_it_from_end_to_end():
+    axis = Cylinder(0.03, 0.2).axis
+    assert axis.shape == (4, 3)
+    assert not axis[:, :2].any()
+    assert 0.08 < axis[-1, 2] == -axis[0, 2] < 0.1

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from motorprime.control.arm import Arm, Points
-from motorprime.control.clearance import HAND_BAR, HAND_RADIUS, SPACING, Clearance, Obstacle
+from motorprime.control.clearance import (
+    HAND_BAR,
+    HAND_RADIUS,
+    SPACING,
+    THUMB_BAR,
+    Clearance,
+    Obstacle,
+    hand_points,
+)
 from motorprime.control.reaching import Bench, ReachSolver
 from motorprime.cylinder import Cylinder
 from motorprime.errors import ArgumentError, ArgumentTypeError
@@ -210,3 +218,14 @@ def test_the_balls_cover_upper_arm_forearm_and_hand(icub):
         for away in np.eye(3):
             far = Clearance(arm, None, [Obstacle(pole, shoulder + 0.6 * away), Obstacle(pole, (1, 1, 1))])
             assert far.worst(posture) == 0.0
+
+
+def test_the_hand_s_points_reach_from_wrist_to_fingertips_and_along_the_thumb():
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = quarter, (0.1, 0.2, 0.3)
+    places = hand_points(pose)
+    for end in (*HAND_BAR, *THUMB_BAR):
+        there = (0.1 - end[1], 0.2 + end[0], 0.3 + end[2])
+        assert np.linalg.norm(places - there, axis=1).min() < 1e-12
+    assert len(places) > 6

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from motorprime import Camera, PinholeProjection, PosedCamera, motorplan_landscape
 from motorprime.errors import ArgumentError, ArgumentTypeError, Error, NotInViewError, StateError
-from motorprime.motorplan import _widths, default_width, pixel_landscapes
+from motorprime.motorplan import PATH_SHARE, _widths, all_involved, default_width, pixel_landscapes
 from reference import kernel_landscape as reference_landscape
 
 SHAPE = (240, 320)
@@ -206,3 +206,33 @@ def test_without_an_image_size_it_says_how_to_give_one():
 def test_wrong_projected_paths_are_named(pixels, name, error):
     with pytest.raises(error, match=name):
         pixel_landscapes(pixels, {"camera": SHAPE})
+
+
+def test_all_that_a_plan_involves_has_its_share_however_many_points_it_has():
+    path, hand = np.ones((7, 3)), np.zeros((10, 3))
+    points, weights = all_involved(path, hand=hand, things=[np.full((4, 3), 2.0), np.full((1, 3), 3.0)])
+    assert points.shape == (22, 3)
+    np.testing.assert_allclose(
+        [weights[points[:, 0] == value].sum() for value in (1.0, 0.0, 2.0, 3.0)], [PATH_SHARE, 1.0, 1.0, 1.0]
+    )
+    alone, equal = all_involved(path)
+    np.testing.assert_array_equal(alone, path)
+    assert len(set(equal)) == 1
+
+
+def test_a_part_without_points_is_refused_by_name():
+    path = np.ones((7, 3))
+    with pytest.raises(ArgumentError, match="path: at least one point"):
+        all_involved(path[:0])
+    with pytest.raises(ArgumentError, match="hand: at least one point"):
+        all_involved(path, hand=path[:0])
+    with pytest.raises(ArgumentError, match=r"things\[1\]: .*shape"):
+        all_involved(path, things=[path, path[:, :2]])
+
+
+def test_weights_of_points_that_are_not_seen_do_not_count():
+    pixels = {"left": np.array([[10.0, 10.0], [np.nan, np.nan], [30.0, 20.0]])}
+    found = pixel_landscapes(pixels, {"left": (40, 50)}, width=5.0, weights=[1.0, 9.0, 3.0])["left"]
+    assert found[20, 30] == pytest.approx(3.0 * found[10, 10])
+    with pytest.raises(ArgumentError, match=r"weights: expected shape \(3,\)"):
+        pixel_landscapes(pixels, {"left": (40, 50)}, weights=[1.0])

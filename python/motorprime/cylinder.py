@@ -56,6 +56,11 @@ class Cylinder:
         """Points (96, 3) [m] on the two rims, from the cylinder's centre."""
         return _RIMS * (self.radius, self.radius, self.height)
 
+    @property
+    def axis(self) -> Floats:
+        """Points (4, 3) [m] along its axis, from the cylinder's centre."""
+        return np.outer(np.linspace(-0.45, 0.45, 4), (0.0, 0.0, self.height))
+
 
 @dataclass(frozen=True, eq=False)
 class Located:

@@ -6,7 +6,7 @@ around the path, which gives each point the width that its depth asks for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,9 @@ from .projection import Projection
 
 DEFAULT_WIDTH = 40.0
 """Kernel width [px] in an image 320 pixels wide; scaled with the image."""
+
+PATH_SHARE = 0.5
+"""Of the palm's path, beside 1 of each thing that the plan involves."""
 
 
 def default_width(shape: tuple[int, int]) -> float:
@@ -71,6 +74,7 @@ def pixel_landscapes(
     *,
     width: float | Mapping[str, Floats] | None = None,
     kernel: KernelName = "triangular",
+    weights: npt.ArrayLike | None = None,
 ) -> dict[str, NDArray[np.float32]]:
     """Landscape of a projected path in every camera that has some of it in front.
 
@@ -79,11 +83,13 @@ def pixel_landscapes(
         shapes: {camera: (height, width)}.
         width: kernel width h [px]: one number, or {camera: (N,)} a width per point; default 40 at 320 x 240.
         kernel: 'triangular' or 'gaussian'.
+        weights: (N,) of the points, >= 0; all the same when not given.
 
     Raises:
-        ArgumentError: an unknown camera, or pixels of another shape.
+        ArgumentError: an unknown camera, or pixels or weights of another shape.
         NotInViewError: only NaN rows in every camera.
     """
+    shares = None if weights is None else numbers("weights", weights)
     landscapes = {}
     for camera, given in pixels.items():
         if camera not in shapes:
@@ -93,6 +99,8 @@ def pixel_landscapes(
             raise ArgumentError(f"pixels['{camera}']: expected shape (N, 2), got {places.shape}")
         if isinstance(given, np.ndarray) and given.dtype.kind != "f":
             raise ArgumentTypeError(f"pixels['{camera}']: float pixels expected, got {given.dtype}")
+        if shares is not None and shares.shape != places.shape[:1]:
+            raise ArgumentError(f"weights: expected shape {places.shape[:1]}, got {shares.shape}")
         ahead = np.isfinite(places).all(axis=1)
         if isinstance(width, Mapping):
             ahead &= ~np.isnan(width[camera])
@@ -103,10 +111,45 @@ def pixel_landscapes(
             size = width[camera][ahead]
         else:
             size = default_width(shapes[camera]) if width is None else width
-        landscapes[camera] = kernel_landscape(places[ahead], shapes[camera], width=size, kernel=kernel)
+        landscapes[camera] = kernel_landscape(
+            places[ahead],
+            shapes[camera],
+            width=size,
+            kernel=kernel,
+            weights=None if shares is None else shares[ahead],
+        )
     if not landscapes:
         raise NotInViewError("path: none of its points is in front of a camera")
     return landscapes
+
+
+def all_involved(
+    path: npt.ArrayLike, *, hand: npt.ArrayLike | None = None, things: Sequence[npt.ArrayLike] = ()
+) -> tuple[Floats, Floats]:
+    """Points (N, 3) [m] of all that a plan involves, and weights (N,) that give each part its share.
+
+    The palm's path alone says where the hand will be. To see the whole of what the plan is about, the hand
+    itself as it is now and the things that it is to take or to get past belong to it as well.
+
+    Args:
+        path: (K, 3) of the palm, from here to the end; its share is :data:`PATH_SHARE`.
+        hand: (M, 3) of palm and fingers; its share is 1.
+        things: points (L, 3) of each thing, where it is believed to be; the share of each is 1.
+
+    Raises:
+        ArgumentError: another shape, NaN, or a part without points.
+    """
+    parts = [("path", path, PATH_SHARE)]
+    parts += [] if hand is None else [("hand", hand, 1.0)]
+    parts += [(f"things[{k}]", thing, 1.0) for k, thing in enumerate(things)]
+    points, weights = [], []
+    for name, part, share in parts:
+        places = rows(name, part, 3)
+        if not len(places):
+            raise ArgumentError(f"{name}: at least one point expected, got none")
+        points.append(places)
+        weights.append(np.full(len(places), share / len(places)))
+    return np.concatenate(points), np.concatenate(weights)
 
 
 def _widths(

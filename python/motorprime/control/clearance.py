@@ -14,7 +14,7 @@ import numpy as np
 from .._arrays import Floats, fixed, not_negative
 from ..cylinder import Cylinder
 from ..errors import ArgumentTypeError
-from ..kinematics import invert
+from ..kinematics import apply, invert
 from .arm import Arm, Points, Posture
 from .reaching import HAND, HAND_CLEARANCE, Bench
 
@@ -27,6 +27,16 @@ HAND_RADIUS = 0.035
 THUMB_BAR = np.array([[-0.024, -0.008, 0.015], [-0.020, -0.006, 0.084]])
 THUMB_RADIUS = 0.0075
 """Back of the palm to the fingertips, and the opposed thumb, in the palm's frame [m]; their radii [m]."""
+
+
+HAND_POINTS, THUMB_POINTS = 6, 4  # along the bars, for :func:`hand_points`
+
+
+def hand_points(palm: Floats) -> Floats:
+    """Places (K, 3) [m] along hand and opposed thumb while the palm is at a pose (4, 4)."""
+    hand = np.linspace(HAND_BAR[0], HAND_BAR[1], HAND_POINTS)
+    bars = np.vstack([hand, np.linspace(THUMB_BAR[0], THUMB_BAR[1], THUMB_POINTS)])
+    return apply(palm, bars)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from .. import shipped
-from ..learning.workers import run
-from ..peripersonal import ReachCloud
 from ..robot import Robot
 from ..tasks.cycle import Settings
 from ..tasks.pick_trial import PickTrial, PickVerdict
 from .common import Progress
+from .trials import cloud_of, each
 
 ROUNDS = 12  # of replacing trials that were refused
 
@@ -68,7 +66,7 @@ def evaluate_grasp(
             break
         asked = [_Asked(robot, seed, first + k, obstacle, perturb) for k in range(missing)]
         first += missing
-        for one, verdict in progress.over(_Sized(run(_run, asked, workers=workers), missing), "picking up"):
+        for one, verdict in each(_run, asked, "picking up", progress, workers=workers):
             done[one.number] = verdict
         counted = [k for k, verdict in sorted(done.items()) if _counts(verdict, perturb)]
     verdicts = [done[k] for k in counted]
@@ -100,31 +98,8 @@ def _run(asked: _Asked) -> PickVerdict:
         obstacle=asked.obstacle,
         perturb=asked.perturb,
         settings=Settings(compare=False),
-        cloud=_cloud(asked.robot),
+        cloud=cloud_of(asked.robot),
     ) as trial:
         for _ in trial.run():
             pass
         return trial.judge()
-
-
-_CLOUDS: dict[Any, ReachCloud] = {}
-
-
-def _cloud(robot: Robot) -> ReachCloud:
-    """The reachable space, drawn once in each process."""
-    if robot.urdf not in _CLOUDS:
-        _CLOUDS[robot.urdf] = ReachCloud(robot)
-    return _CLOUDS[robot.urdf]
-
-
-class _Sized:
-    """An iterator whose length is known, for the progress bar."""
-
-    def __init__(self, items: Iterator[tuple[_Asked, PickVerdict]], count: int) -> None:
-        self._items, self._count = items, count
-
-    def __iter__(self) -> Iterator[tuple[_Asked, PickVerdict]]:
-        return self._items
-
-    def __len__(self) -> int:
-        return self._count

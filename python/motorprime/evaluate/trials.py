@@ -1,0 +1,44 @@
+"""What evaluations that run whole trials in several processes share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from ..learning.workers import run
+from ..peripersonal import ReachCloud
+from ..robot import Robot
+from .common import Progress
+
+Asked = TypeVar("Asked")
+Result = TypeVar("Result")
+
+
+def each(
+    work: Callable[[Asked], Result], asked: Sequence[Asked], what: str, progress: Progress, *, workers: int
+) -> Iterator[tuple[Asked, Result]]:
+    """What ``work`` makes of each that is asked for, as they come, with a bar."""
+    return progress.over(_Sized(run(work, asked, workers=workers), len(asked)), what)
+
+
+def cloud_of(robot: Robot) -> ReachCloud:
+    """The reachable space, drawn once in each process."""
+    if robot.urdf not in _CLOUDS:
+        _CLOUDS[robot.urdf] = ReachCloud(robot)
+    return _CLOUDS[robot.urdf]
+
+
+_CLOUDS: dict[Any, ReachCloud] = {}
+
+
+class _Sized:
+    """An iterator whose length is known, for the progress bar."""
+
+    def __init__(self, items: Iterator[Any], count: int) -> None:
+        self._items, self._count = items, count
+
+    def __iter__(self) -> Iterator[Any]:
+        return self._items
+
+    def __len__(self) -> int:
+        return self._count
