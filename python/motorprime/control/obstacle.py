@@ -30,6 +30,7 @@ SAFETY = 0.11
 """Distance [m] of the via-point from the obstacle's surface: the palm, and fingers that are half bent."""
 
 PARALLEL = 0.9  # cosine from which two directions give the same via-points
+CORNERS = 8  # directions all around, of which those are tried at last that are none of the others
 WIDER = (1.0, 1.3, 1.6)  # times SAFETY: tried in this order
 TIGHT = 0.04  # the hand's own thickness [m]: no goal may be nearer to an obstacle
 MARGIN = 0.01  # an obstacle that the hand starts too close to may not come nearer than this [m]
@@ -81,9 +82,10 @@ def plan_motion(
     path = direct.simulated.path
     # What the palm hits first, then what it passes nearest; the target itself, which all ways end at, last.
     rest = sorted(barriers, key=lambda barrier: (not barrier.whole, barrier.room(path)))
+    ordered = rest if hit is None else [hit, *(other for other in rest if other is not hit)]
     tried = 0
-    for barrier in rest if hit is None else [hit, *(other for other in rest if other is not hit)]:
-        for via in _via_points(path, barrier.obstacle, state, legs[0].goal, ahead / length):
+    for barrier, corners in [(b, False) for b in ordered] + [(b, True) for b in ordered]:
+        for via in _via_points(path, barrier.obstacle, state, legs[0].goal, ahead / length, corners):
             motion = simulate(dynamics, state, (via, *legs))
             tried += 1
             clear = motion.simulated.arrived and _first_hit(motion, barriers) is None
@@ -151,21 +153,18 @@ def _first_hit(motion: Motion, barriers: Sequence[_Barrier]) -> _Barrier | None:
     return barriers[min(hits)[1]] if hits else None
 
 
-def _via_points(path: Floats, obstacle: Obstacle, state: State, goal: Goal, ahead: Floats) -> Iterator[Leg]:
+def _via_points(
+    path: Floats, obstacle: Obstacle, state: State, goal: Goal, ahead: Floats, corners: bool
+) -> Iterator[Leg]:
     """Via-points in the order in which they are tried.
 
     In front or behind, on the side where the collision is expected first; across the path, for a path that
-    runs from front to back; and all of these farther out. At the height of the path, and last above.
+    runs from front to back; and all of these farther out. At the height of the path, and last above. With
+    ``corners``, the directions between these instead.
     """
     nearest = int(np.argmin(obstacle.gap(path)[0]))
     offset = path[nearest] - obstacle.centre
     along = goal.palm[:3, 3] - state.palm[:3, 3]
-    across = np.array([-along[1], along[0], 0.0])
-    across /= max(float(np.linalg.norm(across)), 1e-9)
-    sides = (ahead,) if abs(float(across @ ahead)) > PARALLEL else (ahead, across)
-    directions = [
-        sign * side for side in sides for sign in ((1.0, -1.0) if offset @ side >= 0.0 else (-1.0, 1.0))
-    ]
     turn = _halfway(state.palm[:3, :3], goal.palm[:3, :3])
     top = obstacle.centre[2] + obstacle.shape.height / 2
     beside = float(np.clip(path[nearest, 2], goal.palm[2, 3], top + SAFETY))
@@ -175,13 +174,29 @@ def _via_points(path: Floats, obstacle: Obstacle, state: State, goal: Goal, ahea
 
     for level in (beside, top + SAFETY):
         for wider in WIDER:
-            for direction in directions:
+            for direction in _directions(offset, along, ahead, corners):
                 place = obstacle.centre + direction * (obstacle.shape.radius + wider * SAFETY)
                 place[2] = level
                 yield leg(place)
-    over = obstacle.centre.copy()
-    over[2] = top + SAFETY
-    yield leg(over)
+    if not corners:
+        over = obstacle.centre.copy()
+        over[2] = top + SAFETY
+        yield leg(over)
+
+
+def _directions(offset: Floats, along: Floats, ahead: Floats, corners: bool) -> list[Floats]:
+    """Level directions of via-points from an obstacle; ``offset`` is where the path is nearest to it."""
+    across = np.array([-along[1], along[0], 0.0])
+    across /= max(float(np.linalg.norm(across)), 1e-9)
+    sides = (ahead,) if abs(float(across @ ahead)) > PARALLEL else (ahead, across)
+    main = [side if (offset @ side >= 0.0) == first else -side for side in sides for first in (True, False)]
+    if not corners:
+        return main
+    beside = np.array([-ahead[1], ahead[0], 0.0])
+    round_about = np.arange(CORNERS) * (2.0 * np.pi / CORNERS)
+    others = [np.cos(angle) * ahead + np.sin(angle) * beside for angle in round_about]
+    between = [one for one in others if all(float(one @ side) < PARALLEL for side in main)]
+    return sorted(between, key=lambda one: -float(one @ offset))
 
 
 def _halfway(first: Floats, second: Floats) -> Floats:
