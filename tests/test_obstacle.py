@@ -277,7 +277,7 @@ def test_a_start_close_to_an_obstacle_may_leave_it_but_not_come_nearer():
 
 def test_what_cannot_be_passed_is_refused_and_the_message_says_where_it_stands():
     wall = standing(-0.30, 0.25, Cylinder(0.03, 0.13))
-    with pytest.raises(UnreachableError, match=r"none of \d+ via-points .* \[-0.3 +0.25 +0.005\]"):
+    with pytest.raises(UnreachableError, match=r"none of \d+ ways by via-points .* \[-0.3 +0.25 +0.005\]"):
         plan(FROM_THE_RIGHT, wall, feasible=lambda motion: False)
     slow = DYNAMICS.with_speed(0.02)
     with pytest.raises(UnreachableError):  # nothing arrives in time

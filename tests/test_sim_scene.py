@@ -239,6 +239,11 @@ def test_what_touches_the_glass_is_told_by_name_and_the_robot_is_left_out(world,
     scene.stand_obstacle(CANISTER, (x, y + scene.layout.glass.radius + CANISTER.radius - 0.002))
     world.bullet.performCollisionDetection()
     assert scene.touching_glass() == {"table", "obstacle"}
+    scene.remove_obstacle()
+    near = (x, y + scene.layout.glass.radius + CANISTER.radius + 0.003)
+    scene.stand_obstacle(CANISTER, near)
+    world.bullet.performCollisionDetection()
+    assert scene.touching_glass() == {"table"}  # 3 mm off is no touch
     palm = world.palm_pose()[:3, 3]
     world.bullet.resetBasePositionAndOrientation(scene.glass, palm.tolist(), (0, 0, 0, 1))
     world.bullet.performCollisionDetection()

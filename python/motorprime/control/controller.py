@@ -31,7 +31,7 @@ THINNING = 0.6  # time in which the hand becomes slim, or itself again [s]
 FOLDED = 0.1  # a hand that is slimmer than this unfolds before it goes in
 STRIDE, TURN = 0.03, 0.25  # of the palm [m] and [rad], after which the arm is tried again in a rehearsal
 AWRY = 0.05  # so far off [m] the palm may be on the way: what matters there is what the arm keeps off,
-GRAZE = 0.01  # its margins but for so much [m],
+GRAZE = 0.004  # its margins but for so much [m],
 CLOSE = 0.005  # and that the palm gets there in the end [m]
 LEAP = 1.5  # between two tries no joint turns farther [rad]
 

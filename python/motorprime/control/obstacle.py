@@ -84,16 +84,17 @@ def plan_motion(
     rest = sorted(barriers, key=lambda barrier: (not barrier.whole, barrier.room(path)))
     ordered = rest if hit is None else [hit, *(other for other in rest if other is not hit)]
     tried = 0
-    for barrier, corners in [(b, False) for b in ordered] + [(b, True) for b in ordered]:
-        for via in _via_points(path, barrier.obstacle, state, legs[0].goal, ahead / length, corners):
-            motion = simulate(dynamics, state, (via, *legs))
-            tried += 1
-            clear = motion.simulated.arrived and _first_hit(motion, barriers) is None
-            if clear and (feasible is None or feasible(motion)):
-                return _judged(motion, obstacles)
+    for ways in (_beside, _between, _around):
+        for barrier in ordered:
+            for vias in ways(path, barrier.obstacle, state, legs[0].goal, ahead / length):
+                motion = simulate(dynamics, state, (*vias, *legs))
+                tried += 1
+                clear = motion.simulated.arrived and _first_hit(motion, barriers) is None
+                if clear and (feasible is None or feasible(motion)):
+                    return _judged(motion, obstacles)
     places = [f"what stands at {np.round(b.obstacle.centre, 3)} m" for b in barriers if b.whole]
     past = " and ".join([*places, *("the target" for b in barriers if not b.whole)])
-    raise UnreachableError(f"obstacle: none of {tried} via-points leads past {past}")
+    raise UnreachableError(f"obstacle: none of {tried} ways by via-points leads past {past}")
 
 
 def _judged(motion: Motion, obstacles: Sequence[Obstacle]) -> Motion:
@@ -153,50 +154,84 @@ def _first_hit(motion: Motion, barriers: Sequence[_Barrier]) -> _Barrier | None:
     return barriers[min(hits)[1]] if hits else None
 
 
-def _via_points(
-    path: Floats, obstacle: Obstacle, state: State, goal: Goal, ahead: Floats, corners: bool
-) -> Iterator[Leg]:
-    """Via-points in the order in which they are tried.
-
-    In front or behind, on the side where the collision is expected first; across the path, for a path that
-    runs from front to back; and all of these farther out. At the height of the path, and last above. With
-    ``corners``, the directions between these instead.
-    """
-    nearest = int(np.argmin(obstacle.gap(path)[0]))
-    offset = path[nearest] - obstacle.centre
-    along = goal.palm[:3, 3] - state.palm[:3, 3]
-    turn = _halfway(state.palm[:3, :3], goal.palm[:3, :3])
-    top = obstacle.centre[2] + obstacle.shape.height / 2
-    beside = float(np.clip(path[nearest, 2], goal.palm[2, 3], top + SAFETY))
-
-    def leg(place: Floats) -> Leg:
-        return Leg(Goal(obstacle.centre, transform(turn, place), 1.0, amplitude=0.0), slim=True)
-
-    for level in (beside, top + SAFETY):
+def _beside(
+    path: Floats, obstacle: Obstacle, state: State, goal: Goal, ahead: Floats
+) -> Iterator[tuple[Leg, ...]]:
+    """Via-points in front or behind, on the side where the collision is expected first; across the path, for
+    one that runs from front to back; all of these farther out. At the height of the path, and last above."""
+    offset = path[int(np.argmin(obstacle.gap(path)[0]))] - obstacle.centre
+    vias = _Vias(path, obstacle, state, goal)
+    for level in vias.levels:
         for wider in WIDER:
-            for direction in _directions(offset, along, ahead, corners):
-                place = obstacle.centre + direction * (obstacle.shape.radius + wider * SAFETY)
-                place[2] = level
-                yield leg(place)
-    if not corners:
-        over = obstacle.centre.copy()
-        over[2] = top + SAFETY
-        yield leg(over)
+            for direction in _sides(offset, state, goal, ahead):
+                yield (vias.at(direction, wider, level),)
+    yield (vias.at(np.zeros(3), 0.0, vias.levels[1]),)
 
 
-def _directions(offset: Floats, along: Floats, ahead: Floats, corners: bool) -> list[Floats]:
-    """Level directions of via-points from an obstacle; ``offset`` is where the path is nearest to it."""
+def _between(
+    path: Floats, obstacle: Obstacle, state: State, goal: Goal, ahead: Floats
+) -> Iterator[tuple[Leg, ...]]:
+    """Via-points in the directions between those of :func:`_beside`, those on the path's side first."""
+    offset = path[int(np.argmin(obstacle.gap(path)[0]))] - obstacle.centre
+    sides, beside = _sides(offset, state, goal, ahead), np.array([-ahead[1], ahead[0], 0.0])
+    angles = np.arange(CORNERS) * (2.0 * np.pi / CORNERS)
+    others = [np.cos(angle) * ahead + np.sin(angle) * beside for angle in angles]
+    corners = [one for one in others if all(float(one @ side) < PARALLEL for side in sides)]
+    vias = _Vias(path, obstacle, state, goal)
+    for level in vias.levels:
+        for wider in WIDER:
+            for direction in sorted(corners, key=lambda one: -float(one @ offset)):
+                yield (vias.at(direction, wider, level),)
+
+
+def _around(
+    path: Floats, obstacle: Obstacle, state: State, goal: Goal, ahead: Floats
+) -> Iterator[tuple[Leg, ...]]:
+    """Two via-points, beside the obstacle and beyond the goal: for a goal close behind it."""
+    beyond = (goal.palm[:3, 3] - obstacle.centre) * (1.0, 1.0, 0.0)
+    length = float(np.linalg.norm(beyond))
+    if length < 1e-9:
+        return
+    beyond /= length
+    offset = path[int(np.argmin(obstacle.gap(path)[0]))] - obstacle.centre
+    side = np.array([-beyond[1], beyond[0], 0.0])
+    side *= 1.0 if float(offset @ side) >= 0.0 else -1.0
+    vias = _Vias(path, obstacle, state, goal)
+    for level in vias.levels:
+        for wider in WIDER:
+            for first in (side, -side):
+                yield vias.at(first, wider, level), vias.at(beyond, wider, level)
+
+
+class _Vias:
+    """Makes legs to via-points around an obstacle.
+
+    Attributes:
+        levels: heights [m] at which they are: that of the path, and above the obstacle.
+    """
+
+    def __init__(self, path: Floats, obstacle: Obstacle, state: State, goal: Goal) -> None:
+        self.obstacle = obstacle
+        self.turn = _halfway(state.palm[:3, :3], goal.palm[:3, :3])
+        above = float(obstacle.centre[2] + obstacle.shape.height / 2) + SAFETY
+        nearest = path[int(np.argmin(obstacle.gap(path)[0]))]
+        self.levels = (float(np.clip(nearest[2], goal.palm[2, 3], above)), above)
+
+    def at(self, direction: Floats, wider: float, level: float) -> Leg:
+        """A via-point in a level direction (3,) from the obstacle; over it for a direction of length 0."""
+        obstacle = self.obstacle
+        place = obstacle.centre + direction * (obstacle.shape.radius + wider * SAFETY)
+        place[2] = level
+        return Leg(Goal(obstacle.centre, transform(self.turn, place), 1.0, amplitude=0.0), slim=True)
+
+
+def _sides(offset: Floats, state: State, goal: Goal, ahead: Floats) -> list[Floats]:
+    """Level directions in front and behind and across the path; ``offset`` is where it is nearest."""
+    along = goal.palm[:3, 3] - state.palm[:3, 3]
     across = np.array([-along[1], along[0], 0.0])
     across /= max(float(np.linalg.norm(across)), 1e-9)
     sides = (ahead,) if abs(float(across @ ahead)) > PARALLEL else (ahead, across)
-    main = [side if (offset @ side >= 0.0) == first else -side for side in sides for first in (True, False)]
-    if not corners:
-        return main
-    beside = np.array([-ahead[1], ahead[0], 0.0])
-    round_about = np.arange(CORNERS) * (2.0 * np.pi / CORNERS)
-    others = [np.cos(angle) * ahead + np.sin(angle) * beside for angle in round_about]
-    between = [one for one in others if all(float(one @ side) < PARALLEL for side in main)]
-    return sorted(between, key=lambda one: -float(one @ offset))
+    return [side if (offset @ side >= 0.0) == first else -side for side in sides for first in (True, False)]
 
 
 def _halfway(first: Floats, second: Floats) -> Floats:

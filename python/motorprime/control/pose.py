@@ -119,16 +119,26 @@ class PoseSolver:
             [STIFF_TORSO if name in robot.torso else 1.0 for name in self.names]
         )
         self._preference = preference
-        self._clearance = Clearance(self.arm, bench, obstacles)
+        self._clearance, self._above = Clearance(self.arm, bench, obstacles), ABOVE
         self._library = generator(seed).uniform(
             self.limits[:, 0], self.limits[:, 1], size=(LIBRARY, len(self.names))
         )
         self._library_palms = self.arm.chain.forward(self._library) @ robot.palm.frame
 
-    def over(self, bench: Bench | None, obstacles: Sequence[Obstacle] = ()) -> PoseSolver:
-        """The same solver with another work surface and other obstacles."""
+    def over(
+        self, bench: Bench | None, obstacles: Sequence[Obstacle] = (), *, wary: float = 1.0
+    ) -> PoseSolver:
+        """The same solver with another work surface and other obstacles.
+
+        Args:
+            bench: the work surface.
+            obstacles: what the arm keeps off.
+            wary: factor on what it costs to come too near to any of these. With more than 1 it rather misses
+                the pose where it cannot have both, as is well on the way to somewhere else.
+        """
         other = copy(self)
         other._clearance = Clearance(self.arm, bench, obstacles)
+        other._above = positive("wary", wary) * ABOVE
         return other
 
     def palm(self, angles: Floats) -> Floats:
@@ -292,8 +302,8 @@ class PoseSolver:
         ]
         if not self._clearance.idle:
             depths, slopes = self._clearance.depths(posture)
-            residuals.append(ABOVE * depths)
-            rows.append(ABOVE * slopes)
+            residuals.append(self._above * depths)
+            rows.append(self._above * slopes)
         if self._preference is not None:
             more, slopes = self._preference(posture)
             residuals.append(more)

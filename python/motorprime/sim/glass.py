@@ -87,8 +87,7 @@ class StandingGlass:
 
     def touched_by(self) -> set[int]:
         """Bodies that touch the glass now."""
-        pairs = self.world.bullet.getContactPoints(bodyA=self.body)
-        return {int(pair[2]) for pair in pairs}
+        return self.world.touching(self.body)
 
 
 def add_table(world: World, top: float, xs: tuple[float, float], ys: tuple[float, float]) -> int:

@@ -210,8 +210,8 @@ class Scene:
 
     def touching_glass(self) -> set[str]:
         """Names of what touches the glass now, but for the robot."""
-        pairs = [] if self.glass is None else self.world.bullet.getContactPoints(bodyA=self.glass)
-        return {self.name_of(int(pair[2])) for pair in pairs if pair[2] != self.world.body}
+        others = set() if self.glass is None else self.world.touching(self.glass)
+        return {self.name_of(body) for body in others - {self.world.body}}
 
     def move_glass(self, at: tuple[float, float]) -> None:
         """Put the glass, at rest and upright, at x, y [m] on the table: somebody has moved it.

@@ -283,7 +283,11 @@ class World:
             for point in self.bullet.getContactPoints(bodyA=self.body, bodyB=body)
         ]
 
-    def touching(self) -> set[int]:
-        """Bodies other than the robot that touch it now."""
-        pairs = self.bullet.getContactPoints(bodyA=self.body)
-        return {int(pair[2]) for pair in pairs if pair[2] != self.body}
+    def touching(self, body: int | None = None) -> set[int]:
+        """Bodies that touch a body, the robot if none is named, now; those that press on it or overlap it.
+
+        Bullet's contact points also tell of surfaces that are still up to 2 cm apart.
+        """
+        own = self.body if body is None else body
+        points = self.bullet.getContactPoints(bodyA=own)
+        return {int(p[2]) for p in points if p[2] != own and (p[8] <= 0.0 or p[9] > 0.0)}

@@ -49,6 +49,7 @@ TURNED = float(np.deg2rad(3.0))
 PATIENCE = 15.0  # a movement that takes longer has failed [s]
 NEAR = 0.06  # from here [m] the hand hides the target, and what is known of it stays
 SIDES = 3  # of the target to which a way is sought, the most comfortable first,
+WARY = 3.0  # how much more the arm heeds what stands about while it is on its way
 APART = float(np.deg2rad(25.0))  # so far apart
 SHIFTED = 0.015  # an obstacle that is so far [m] from where it was asks for a new plan
 STARTLED = 1.0  # so long [s] after a jump or a loss attention is wider,
@@ -145,7 +146,7 @@ class Pick(Seeker):
         self._target = Obstacle(self.target.shape, self.estimate)
         arm = self.controller.arm
         self.controller.arm = arm.over(self.bench, self._avoided)
-        self.controller.careful = arm.over(self.bench, [*self._avoided, self._target])
+        self.controller.careful = arm.over(self.bench, [*self._avoided, self._target], wary=WARY)
 
     def _legs(self) -> tuple[Leg, Leg]:
         """To pre-grasp and grasp, moved with the target by what little it has since the grasp was chosen."""
