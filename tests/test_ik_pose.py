@@ -175,6 +175,18 @@ def test_an_obstacle_where_the_elbow_was_makes_the_arm_take_another_way_to_the_s
 
 
 @pytest.mark.sim
+def test_a_wary_arm_rather_misses_the_pose_than_come_near(solver):
+    target = solver.palm(solver.rest)
+    thing = Obstacle(Cylinder(0.03, 0.2), target[:3, 3] + (0.0, 0.05, 0.0))
+    bold = solver.over(None, [thing]).nearest(target, restarts=0)
+    wary = solver.over(None, [thing], wary=5.0).nearest(target, restarts=0)
+    assert 0.0 < wary.depth < 0.5 * bold.depth
+    assert wary.position_error > bold.position_error
+    for wrong in (0.0, -1.0, float("nan")):
+        with pytest.raises(ArgumentError, match="wary"):
+            solver.over(None, wary=wrong)
+
+
 def test_a_pose_within_an_obstacle_is_not_solved_and_says_how_deep(icub, solver):
     target = solver.palm(solver.rest)
     buried = solver.over(None, [Obstacle(Cylinder(0.05, 0.2), target[:3, 3])])

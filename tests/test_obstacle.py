@@ -480,3 +480,41 @@ def test_where_the_arm_cannot_and_nothing_is_hit_the_nearest_thing_is_tried_firs
     assert places == sorted(places)
     assert asked[0] is near
     assert target not in asked[: asked.index(far)]
+
+
+def test_a_goal_close_behind_it_is_come_to_by_two_via_points():
+    """Where no single one is taken: first beside the obstacle, then beyond the goal."""
+    obstacle, tried = standing(-0.15, 0.02), []
+
+    def by_two(motion):
+        tried.append(len(motion.legs))
+        return len(motion.legs) == 3
+
+    motion = plan(FROM_THE_NEAR_SIDE, obstacle, goal=np.array([-0.26, 0.0, 0.0]), feasible=by_two)
+    assert tried == sorted(tried)
+    first, second = (leg.goal.palm[:3, 3] - obstacle.centre for leg in motion.legs[:2])
+    outwards = (np.array([-0.26, 0.0]) - obstacle.centre[:2]) / np.hypot(0.11, 0.02)
+    assert abs(first[:2] @ outwards) < 1e-9
+    assert second[:2] @ outwards == pytest.approx(np.linalg.norm(second[:2]))
+    assert np.linalg.norm(second[:2]) >= CAN.radius + SAFETY - 1e-9
+    assert motion.simulated.arrived
+    assert least(motion, obstacle) >= ALLOWANCE
+
+
+def test_directions_between_are_tried_when_the_others_will_not_do():
+    """Eight all around, but for those that the first four are."""
+    obstacle, seen = standing(-0.30, 0.25), []
+
+    def never(motion):
+        if len(motion.legs) == 2:
+            seen.append(np.round((via(motion) - obstacle.centre)[:2], 6))
+        return False
+
+    with pytest.raises(UnreachableError):
+        plan(FROM_THE_RIGHT, obstacle, feasible=never)
+    directions = {tuple(np.round(place / np.linalg.norm(place), 3)) for place in seen if place.any()}
+    level = [one for one in directions if min(abs(np.array(one))) > 0.1]
+    assert level
+    assert all(abs(abs(u) - abs(v)) < 1e-3 for u, v in level)
+    slanting = [min(abs(place)) > 0.01 for place in seen]
+    assert slanting == sorted(slanting)
