@@ -52,45 +52,55 @@ impl Filter {
         plane: &Plane,
         i: usize,
         columns: Range<usize>,
-        space: &mut [Vec<[i32; LANES]>; 2],
+        space: &mut [Vec<i32>; 2],
         out: &mut [f32],
     ) {
-        let corner = [columns.start, i].map(|at| (at - self.margin) * plane.step());
+        let step = plane.step();
+        let corner = [(columns.start - self.margin) * step, (i - self.margin) * step];
+        // In whole vectors: no loop has a rest to do one by one.
+        let count = columns.len().next_multiple_of(LANES);
         let [xx, yy] = space;
-        let blocks = columns.len().div_ceil(LANES);
-        let c = &self.corners;
-        let boxes = |x: [usize; 4], y: [usize; 4]| {
-            Boxes::at(plane, x.map(|k| corner[0] + c[k]), y.map(|k| corner[1] + c[k]), blocks)
-        };
+        let (xx, yy) = (&mut xx[..count], &mut yy[..count]);
         // One at a time: more than eight streams at once would not fit the registers.
-        let wide = boxes([0, 9, 3, 6], [2, 7, 2, 7]);
-        for (k, xx) in xx[..blocks].iter_mut().enumerate() {
-            *xx = wide.combined(k, |all, middle| all.wrapping_sub(middle.wrapping_mul(3)));
+        self.boxes(plane, corner, count, [0, 9, 3, 6], [2, 7, 2, 7]).combine::<3>(xx);
+        self.boxes(plane, corner, count, [2, 7, 2, 7], [0, 9, 3, 6]).combine::<3>(yy);
+        let out = &mut out[..count];
+        let factor = self.pure * self.pure;
+        for ((out, &xx), &yy) in out.iter_mut().zip(&*xx).zip(&*yy) {
+            *out = xx as f32 * yy as f32 * factor;
         }
-        let high = boxes([2, 7, 2, 7], [0, 9, 3, 6]);
-        for (k, yy) in yy[..blocks].iter_mut().enumerate() {
-            *yy = high.combined(k, |all, middle| all.wrapping_sub(middle.wrapping_mul(3)));
-        }
-        let product = self.pure * self.pure;
-        let out = &mut out.as_chunks_mut::<LANES>().0[..blocks];
-        for ((out, xx), yy) in out.iter_mut().zip(&xx[..blocks]).zip(&yy[..blocks]) {
-            for ((out, &xx), &yy) in out.iter_mut().zip(xx).zip(yy) {
-                *out = xx as f32 * yy as f32 * product;
-            }
-        }
-        let upper = boxes([1, 4, 5, 8], [1, 4, 1, 4]);
-        for (k, xy) in xx[..blocks].iter_mut().enumerate() {
-            *xy = upper.combined(k, i32::wrapping_sub);
-        }
-        let lower = boxes([5, 8, 1, 4], [5, 8, 5, 8]);
+        self.boxes(plane, corner, count, [1, 4, 5, 8], [1, 4, 1, 4]).combine::<1>(xx);
+        self.boxes(plane, corner, count, [5, 8, 1, 4], [5, 8, 5, 8]).combine::<1>(yy);
         let factor = MIXED * (self.mixed * self.mixed);
-        for (k, (out, upper)) in out.iter_mut().zip(&xx[..blocks]).enumerate() {
-            let lower = lower.combined(k, i32::wrapping_sub);
-            for ((out, &lower), &upper) in out.iter_mut().zip(&lower).zip(upper) {
-                let xy = lower.wrapping_add(upper) as f32;
-                *out -= xy * xy * factor;
-            }
+        for ((out, &upper), &lower) in out.iter_mut().zip(&*xx).zip(&*yy) {
+            let xy = upper.wrapping_add(lower) as f32;
+            *out -= xy * xy * factor;
         }
+    }
+
+    /// Two boxes along a row of samples, by the numbers of their corners: left, right, left, right, and down so.
+    #[inline(always)]
+    fn boxes<'a>(
+        &self,
+        plane: &'a Plane,
+        corner: [usize; 2],
+        count: usize,
+        x: [usize; 4],
+        y: [usize; 4],
+    ) -> Boxes<'a> {
+        let at = |x: usize, y: usize| {
+            &plane.along(corner[0] + self.corners[x], corner[1] + self.corners[y])[..count]
+        };
+        Boxes([
+            at(x[0], y[0]),
+            at(x[1], y[0]),
+            at(x[0], y[1]),
+            at(x[1], y[1]),
+            at(x[2], y[2]),
+            at(x[3], y[2]),
+            at(x[2], y[3]),
+            at(x[3], y[3]),
+        ])
     }
 
     /// Whether the trace at a sample is positive (1), negative (-1) or zero (0).
@@ -107,32 +117,20 @@ impl Filter {
 }
 
 /// The corners of two boxes along a row: the first has its columns and rows in front, the second behind.
-struct Boxes<'a>([&'a [[i32; LANES]]; 8]);
+struct Boxes<'a>([&'a [i32]; 8]);
 
-impl<'a> Boxes<'a> {
+impl Boxes<'_> {
+    /// The first sum less so many times the second, for every sample.
     #[inline(always)]
-    fn at(plane: &'a Plane, x: [usize; 4], y: [usize; 4], blocks: usize) -> Self {
-        let at = |x, y| &plane.along(x, y)[..blocks];
-        Self([
-            at(x[0], y[0]),
-            at(x[1], y[0]),
-            at(x[0], y[1]),
-            at(x[1], y[1]),
-            at(x[2], y[2]),
-            at(x[3], y[2]),
-            at(x[2], y[3]),
-            at(x[3], y[3]),
-        ])
-    }
-
-    /// One vector of both sums, combined.
-    #[inline(always)]
-    fn combined(&self, k: usize, combine: impl Fn(i32, i32) -> i32) -> [i32; LANES] {
-        let [a, b, c, d, e, f, g, h] = self.0.map(|stream| &stream[k]);
-        std::array::from_fn(|i| {
-            let first = (d[i].wrapping_sub(c[i])).wrapping_sub(b[i].wrapping_sub(a[i]));
-            let second = (h[i].wrapping_sub(g[i])).wrapping_sub(f[i].wrapping_sub(e[i]));
-            combine(first, second)
-        })
+    fn combine<const TIMES: i32>(&self, out: &mut [i32]) {
+        let [a, b, c, d, e, f, g, h] = self.0;
+        let count = out.len();
+        let (a, b, c, d) = (&a[..count], &b[..count], &c[..count], &d[..count]);
+        let (e, f, g, h) = (&e[..count], &f[..count], &g[..count], &h[..count]);
+        for i in 0..count {
+            let first = d[i].wrapping_sub(c[i]).wrapping_sub(b[i].wrapping_sub(a[i]));
+            let second = h[i].wrapping_sub(g[i]).wrapping_sub(f[i].wrapping_sub(e[i]));
+            out[i] = first.wrapping_sub(second.wrapping_mul(TIMES));
+        }
     }
 }

@@ -41,10 +41,10 @@ impl Plane {
         y * self.row_length() + x % self.step * self.columns + x / self.step
     }
 
-    /// The sums at `(x, y)`, `(x + step, y)` and so on, as vectors.
+    /// The sums at `(x, y)`, `(x + step, y)` and so on.
     #[inline(always)]
-    pub(super) fn along(&self, x: usize, y: usize) -> &[[i32; LANES]] {
-        self.sums[self.place(x, y)..].as_chunks().0
+    pub(super) fn along(&self, x: usize, y: usize) -> &[i32] {
+        &self.sums[self.place(x, y)..]
     }
 
     /// The sum of the pixels with `x[0] <= u < x[1]` and `y[0] <= v < y[1]`.

@@ -72,7 +72,7 @@ impl Octave {
 
     /// The row of filters of every layer at row `i`, where they are needed and fit.
     #[inline(always)]
-    fn compute(&self, plane: &Plane, i: usize, space: &mut [Vec<[i32; LANES]>; 2], out: &mut Ring) {
+    fn compute(&self, plane: &Plane, i: usize, space: &mut [Vec<i32>; 2], out: &mut Ring) {
         for (layer, filter) in self.filters.iter().enumerate() {
             let border = Border(filter.margin);
             if !border.of(self.rows).contains(&i) {
@@ -163,8 +163,8 @@ impl Kernel for Search<'_> {
         let Self { octave, plane, threshold, rows, found } = self;
         let layers = octave.filters.len();
         let mut ring = Ring::new(layers, octave.columns);
-        let blocks = octave.columns.div_ceil(LANES);
-        let mut space = [vec![[0; LANES]; blocks], vec![[0; LANES]; blocks]];
+        let width = octave.columns.next_multiple_of(LANES);
+        let mut space = [vec![0; width], vec![0; width]];
         for i in rows.start - 1..=rows.end {
             octave.compute(plane, i, &mut space, &mut ring);
             if i > rows.start {
@@ -242,14 +242,17 @@ fn peaks(rows: [&[f32]; 3], at: usize, threshold: f32) -> Option<[u32; LANES]> {
     fn larger(a: f32, b: f32) -> f32 {
         if a > b { a } else { b }
     }
-    let [above, row, below] = rows.map(|row| &row[at - 1..at + LANES + 1]);
-    let peaks: [u32; LANES] = std::array::from_fn(|k| {
+    let around = |row: usize| &rows[row][at - 1..][..LANES + 2];
+    let (above, row, below) = (around(0), around(1), around(2));
+    let (mut peaks, mut any) = ([0; LANES], 0);
+    for k in 0..LANES {
         let upper = larger(larger(above[k], above[k + 1]), above[k + 2]);
         let lower = larger(larger(below[k], below[k + 1]), below[k + 2]);
         let most = larger(larger(larger(upper, lower), larger(row[k], row[k + 2])), threshold);
-        u32::from(row[k + 1] > most)
-    });
-    (peaks.iter().fold(0, |any, peak| any | peak) != 0).then_some(peaks)
+        peaks[k] = u32::from(row[k + 1] > most);
+        any |= peaks[k];
+    }
+    (any != 0).then_some(peaks)
 }
 
 /// Where the parabola through the samples has its maximum, in samples across, down and in scale.

@@ -203,7 +203,7 @@ impl Surf {
         let numbers = self.numbers();
         let mut descriptors = vec![0.0; keypoints.len() * numbers];
         let mut keypoints: Vec<Option<Keypoint>> = keypoints.iter().copied().map(Some).collect();
-        let (disc, describe) = (Disc::new(), Describe::new(gray, shape, sums, self.extended));
+        let (disc, describe) = (Disc::new(), Describe::new(gray, shape, sums, self.extended, self.upright));
         let mut turns: Vec<_> =
             keypoints.chunks_mut(TURN).zip(descriptors.chunks_mut(TURN * numbers)).collect();
         parallel::share(threads, &mut turns, |(keypoints, descriptors)| {

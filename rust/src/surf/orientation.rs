@@ -66,26 +66,25 @@ impl Disc {
         let scale = keypoint.scale();
         let side = wavelet(scale);
         let (half, middle) = (side / 2, (side as f32 - 1.0) / 2.0);
-        let [last_x, last_y] = [shape.width(), shape.height()].map(|size| size as i64 - side as i64);
+        let (last_x, last_y) = (shape.width() as i32 - side as i32, shape.height() as i32 - side as i32);
         let (sums, stride) = sums.rows();
         let (mut x_slopes, mut y_slopes) = ([0.0_f32; ROOM], [0.0_f32; ROOM]);
         let mut count = 0;
         for &([across, down], weight) in &self.samples {
-            let x = i64::from(rounded(keypoint.u + across * scale - middle));
-            let y = i64::from(rounded(keypoint.v + down * scale - middle));
+            let x = rounded(keypoint.u + across * scale - middle);
+            let y = rounded(keypoint.v + down * scale - middle);
             if x < 0 || y < 0 || x > last_x || y > last_y {
                 continue;
             }
             let top = y as usize * stride + x as usize;
-            let row = |y: usize| {
-                let row = &sums[top + y * stride..][..side + 1];
-                [row[0], row[half], row[side]]
-            };
-            let (above, centre, below) = (row(0), row(half), row(side));
-            let [a, b, c] = [0, 1, 2].map(|k| below[k].wrapping_sub(above[k]));
-            let right_less_left = c.wrapping_sub(b).wrapping_sub(b.wrapping_sub(a));
-            let [d, e, f] = [above, centre, below].map(|row| row[2].wrapping_sub(row[0]));
-            let lower_less_upper = f.wrapping_sub(e).wrapping_sub(e.wrapping_sub(d));
+            let above = &sums[top..][..side + 1];
+            let middle = &sums[top + half * stride..][..side + 1];
+            let below = &sums[top + side * stride..][..side + 1];
+            let upto = |k: usize| below[k].wrapping_sub(above[k]);
+            let right_less_left = upto(side).wrapping_add(upto(0)).wrapping_sub(upto(half).wrapping_mul(2));
+            let left_of = |row: &[i32]| row[side].wrapping_sub(row[0]);
+            let lower_less_upper =
+                left_of(below).wrapping_add(left_of(above)).wrapping_sub(left_of(middle).wrapping_mul(2));
             x_slopes[count] = right_less_left as f32 * weight;
             y_slopes[count] = lower_less_upper as f32 * weight;
             count += 1;
@@ -98,13 +97,16 @@ impl Disc {
 #[inline(always)]
 fn strongest(x: &[f32; ROOM], y: &[f32; ROOM], count: usize) -> [f32; 2] {
     const DEGREES: f32 = 180.0 / PI;
-    let angles: [f32; ROOM] = std::array::from_fn(|k| atan2(y[k], x[k]) * DEGREES);
+    let mut degrees = [0_i32; ROOM];
+    for ((degrees, &y), &x) in degrees.iter_mut().zip(y).zip(x) {
+        *degrees = rounded(atan2(y, x) * DEGREES);
+    }
     // A window is open at both ends. What lies exactly on a multiple of 5 degrees is in one bin, what lies
     // between two of them in the other; both go once around and then on for the windows that wrap around.
     let mut on = [[0.0_f32; 2]; WINDOWS];
     let mut between = [[0.0_f32; 2]; WINDOWS];
     for k in 0..count {
-        let degrees = rounded(angles[k]).rem_euclid(360) as usize;
+        let degrees = (degrees[k] + 360) as usize;
         let bins = if degrees.is_multiple_of(5) { &mut on } else { &mut between };
         let bin = &mut bins[degrees / 5 % WINDOWS];
         *bin = [bin[0] + x[k], bin[1] + y[k]];
@@ -137,7 +139,13 @@ fn strongest(x: &[f32; ROOM], y: &[f32; ROOM], count: usize) -> [f32; 2] {
 /// Bins by axis, those of the first windows once more at the end.
 #[inline(always)]
 fn around(bins: &[[f32; 2]; WINDOWS]) -> [[f32; WINDOWS + WIDTH]; 2] {
-    std::array::from_fn(|axis| std::array::from_fn(|k| bins[k % WINDOWS][axis]))
+    let mut around = [[0.0; WINDOWS + WIDTH]; 2];
+    for (axis, around) in around.iter_mut().enumerate() {
+        for (k, value) in around.iter_mut().enumerate() {
+            *value = bins[k % WINDOWS][axis];
+        }
+    }
+    around
 }
 
 /// The angle of a direction, in `[0, 2 pi)`.
