@@ -33,7 +33,7 @@ impl Filter {
         let (third, height) = (size / 3, corners[7] - corners[2]);
         Self {
             size,
-            margin: size / 2 >> octave,
+            margin: (size / 2) >> octave,
             corners,
             pure: 1.0 / (third * height) as f32,
             mixed: 1.0 / (third * third) as f32,
