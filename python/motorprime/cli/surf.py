@@ -38,7 +38,8 @@ def _surf(
 
     mask30, mask10 and scattered30 are times relative to full_ms: with a rectangle of 30 and of 10 % of the
     pixels at a random place, and with blobs that cover 30 %. two_threads is how many times as fast two
-    threads are. identical says whether every keypoint inside of a mask, also of single pixels, lines and
+    threads are by the clock, two_threads_caller by the calling thread's processor time, which a busy machine
+    does not spoil. identical says whether every keypoint inside of a mask, also of single pixels, lines and
     noise, had the same bits as in the whole image; compared counts them.
 
     golden holds what is found against keypoints of OpenCV 3.4.2 that are stored with the tests: found is the
