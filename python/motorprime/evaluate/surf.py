@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from ..detectors.surf import Surf
 from ..errors import ArgumentError
 from .common import Progress
 from .surf_pairs import compare_golden, evaluate_pair
-from .surf_rival import Rival
+from .surf_rival import rival
 from .textures import draw_texture
 
 Masks = dict[str, NDArray[np.bool_]]
@@ -68,8 +69,7 @@ def evaluate_surf(
     faster: list[float] = []
     keypoints: list[int] = []
     same, compared = True, 0
-    rival = Rival(opencv342, threshold) if opencv342 is not None else None
-    try:
+    with rival(opencv342, threshold) if opencv342 is not None else nullcontext() as other:
         for index in (progress or Progress()).over(range(images), "looking for keypoints"):
             image = draw_texture(seed * 1000 + index, *shape)
             masks = draw_masks(rng, shape)
@@ -78,17 +78,13 @@ def evaluate_surf(
             }
             calls["helped"] = _call(detectors[2], image, None)
             rounds.append(interleave(calls, effort, clock=time.thread_time_ns))
-            side: dict[str, Call] = {str(n): _call(surf, image, None) for n, surf in detectors.items()}
-            times = interleave(side, effort)
-            wall.append(times["1"].over(times["2"]))
-            if rival is not None:
-                faster.append(rival.over(calls["full"], image, effort.rounds))
+            times = interleave({name: calls[name] for name in ("full", "helped")}, effort)
+            wall.append(times["full"].over(times["helped"]))
+            if other is not None:
+                faster.append(other.over(calls["full"], image, effort.rounds))
             right, count = compare_masks(image, masks | odd_masks(rng, shape), threshold)
             same, compared = same and right, compared + count
             keypoints.append(len(detectors[1].detect(image)[0]))
-    finally:
-        if rival is not None:
-            rival.close()
     return {
         "seed": seed,
         "images": images,

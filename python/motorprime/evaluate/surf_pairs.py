@@ -71,11 +71,7 @@ def evaluate_pair(folder: Path, threshold: float) -> dict[str, Any]:
     ``smaller``; mutual: those of them that are the nearest of their nearest, over ``smaller``; precision:
     the share of right ones among all mutual nearest neighbours.
     """
-    storage = cv2.FileStorage(str(folder / "H1to3p.xml"), cv2.FILE_STORAGE_READ)
-    homography = np.asarray(storage.getFirstTopLevelNode().mat(), dtype=np.float64)
-    storage.release()
-    if homography.shape != (3, 3):
-        raise ArgumentError(f"graf: a 3 x 3 matrix expected in {folder / 'H1to3p.xml'}")
+    homography = _matrix(folder / "H1to3p.xml")
     images = [_gray(folder / name) for name in ("graf1.png", "graf3.png")]
     surf = Surf(threshold)
     first, second = (surf.detect(image) for image in images)
@@ -96,6 +92,20 @@ def evaluate_pair(folder: Path, threshold: float) -> dict[str, Any]:
         "mutual": float((right & mutual).sum() / smaller),
         "precision": float((right & mutual).sum() / mutual.sum()),
     }
+
+
+def _matrix(path: Path) -> Floats:
+    """The 3 x 3 matrix that an XML file of OpenCV's begins with."""
+    wrong = ArgumentError(f"graf: a 3 x 3 matrix expected in {path}")
+    try:
+        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+        matrix = np.asarray(storage.getFirstTopLevelNode().mat(), dtype=np.float64)
+        storage.release()
+    except (cv2.error, SystemError, TypeError):
+        raise wrong from None
+    if matrix.shape != (3, 3):
+        raise wrong
+    return matrix
 
 
 def _gray(path: Path) -> NDArray[np.uint8]:
