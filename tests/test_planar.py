@@ -124,6 +124,14 @@ def test_clutter_alone_is_not_the_object(seed):
     assert DETECTOR.find(picture(seed=seed), Everywhere()) is None
 
 
+def test_the_ratio_test_leaves_out_matches_that_could_as_well_be_others():
+    image = picture(homography_of(POSES[2]))
+    scores = [
+        PlanarDetector(TEMPLATE, ratio=ratio).find(image, Everywhere()).score for ratio in (0.7, 0.9, 1.0)
+    ]
+    assert scores[0] > scores[1] + 0.1 > scores[2] + 0.1
+
+
 def test_a_mirror_image_is_not_the_object():
     """Even a detector that does not care for orientations sees that no front looks like that."""
     image = picture(homography_of(POSES[0]))
