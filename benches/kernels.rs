@@ -17,9 +17,10 @@ use motorprime::mlp::{Mlp, Scale, Weights};
 use motorprime::rng::{Xoshiro256PlusPlus, uniform};
 use motorprime::sample::sample;
 use motorprime::step::{Look, Map, Plan, Sight, Task, View, run};
+use motorprime::surf::Surf;
 use motorprime::threshold::{Method, Wanted, threshold};
 use motorprime::{
-    Shape, Simd, Support, kernel, mlp, parallel, sample as samplers, step, threshold as thresholds,
+    Shape, Simd, Support, kernel, mlp, parallel, sample as samplers, step, surf, threshold as thresholds,
 };
 
 /// (width, height) of the images.
@@ -314,6 +315,43 @@ fn movements(c: &mut Criterion) {
     });
 }
 
+/// Discs of many sizes and greys, which SURF finds hundreds of keypoints in.
+fn discs(image: &Image) -> Vec<u8> {
+    let (height, width) = (image.shape.height(), image.shape.width());
+    let (mut rng, mut pixels) = (Xoshiro256PlusPlus::new(5), vec![128; image.shape.pixels()]);
+    for _ in 0..image.shape.pixels() / 150 {
+        let mut below = |n: usize| (uniform(&mut rng) * n as f64) as usize;
+        let (u, v, radius, grey) = (below(width), below(height), 2 + below(6) * below(6) / 2, below(256));
+        for y in v.saturating_sub(radius)..(v + radius + 1).min(height) {
+            let half = (radius * radius - y.abs_diff(v).pow(2)).isqrt();
+            let columns = u.saturating_sub(half)..(u + half + 1).min(width);
+            pixels[y * width..][columns].fill(grey as u8);
+        }
+    }
+    pixels
+}
+
+fn keypoints(c: &mut Criterion) {
+    let surf = Surf::new(300.0, 4, 3, false, false).unwrap();
+    for (name, share, threads) in
+        [("whole", 1.0, 1), ("whole, two threads", 1.0, 2), ("30 %", 0.3, 1), ("10 %", 0.1, 1)]
+    {
+        over_sizes(c, &format!("surf/{name}"), |image| {
+            let (pixels, surf, mut space) = (discs(&image), &surf, surf::Workspace::default());
+            let [rows, columns] = [image.shape.height(), image.shape.width()]
+                .map(|size| 0..(size as f64 * f64::sqrt(share)) as usize);
+            let inside = |at: usize| {
+                rows.contains(&(at / image.shape.width())) && columns.contains(&(at % image.shape.width()))
+            };
+            let mask: Vec<bool> = (0..image.shape.pixels()).map(inside).collect();
+            move || {
+                let mask = (share < 1.0).then_some(&mask[..]);
+                black_box(surf.detect(black_box(&pixels), mask, image.shape, threads, &mut space).unwrap());
+            }
+        });
+    }
+}
+
 /// Short: there are many, and a copy of the same size stands beside them.
 fn short() -> Criterion {
     Criterion::default()
@@ -325,6 +363,6 @@ fn short() -> Criterion {
 criterion_group! {
     name = benches;
     config = short();
-    targets = copies, landscapes, selections, samples, stereo, networks, steps, movements
+    targets = copies, landscapes, selections, samples, stereo, networks, steps, movements, keypoints
 }
 criterion_main!(benches);

@@ -303,3 +303,150 @@ def coupled_roll_out(
             a[3:] = a[3:] / angle * (angle - 2.0 * math.pi)
         states.append(np.concatenate([e, a, h]))
     return np.array(states)
+
+
+def surf(
+    gray: Any, threshold: float, octaves: int = 4, layers: int = 3, *, upright: bool = False
+) -> tuple[Floats, Floats]:
+    """SURF of a small image: rows (u, v, size, angle, response, octave, laplacian), descriptors (N, 64)."""
+    image = np.asarray(gray, dtype=float)
+    sums = np.zeros((image.shape[0] + 1, image.shape[1] + 1))
+    sums[1:, 1:] = image.cumsum(axis=0).cumsum(axis=1)
+    found, described = [], []
+    for octave in range(octaves):
+        step = 2**octave
+        sizes = [(9 + 6 * layer) * step for layer in range(layers + 2)]
+        responses = [surf_hessian(sums, size, step) for size in sizes]
+        determinants = np.array([determinant for determinant, _ in responses])
+        for layer in range(1, layers + 1):
+            for i, j in np.argwhere(determinants[layer] > threshold):
+                cube = determinants[layer - 1 : layer + 2, max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
+                if cube.shape != (3, 3, 3) or np.isnan(cube).any():
+                    continue
+                others = np.delete(cube.ravel(), 13)
+                offset = surf_offset(cube)
+                if cube[1, 1, 1] <= others.max() or offset is None or np.abs(offset).max() > 1:
+                    continue
+                u, v = step * (j + offset[0]) + (step - 1) / 2, step * (i + offset[1]) + (step - 1) / 2
+                size = float(np.rint(sizes[layer] + offset[2] * 6 * step))
+                angle = 1.5 * np.pi if upright else surf_angle(sums, u, v, size)
+                if angle is None:
+                    continue
+                sign = np.sign(responses[layer][1][i, j])
+                found.append((u, v, size, angle, cube[1, 1, 1], octave, sign))
+                described.append(surf_descriptor(image, u, v, size, angle))
+    order = np.argsort([-row[4] for row in found], kind="stable")
+    return np.array(found).reshape(-1, 7)[order], np.array(described).reshape(-1, 64)[order]
+
+
+def surf_hessian(sums: Floats, size: int, step: int) -> tuple[Floats, Floats]:
+    """Determinant and trace at samples every ``step`` pixels; NaN where the filter does not fit."""
+    height, width = (length - 1 for length in sums.shape)
+    shape = height // step, width // step
+    determinant, trace = np.full(shape, np.nan), np.full(shape, np.nan)
+    ninths = [round(k * size / 9) for k in range(10)]
+    margin = size // 2 // step
+    for i in range(margin, shape[0] - margin):
+        for j in range(margin, shape[1] - margin):
+            top, left = (i - margin) * step, (j - margin) * step
+
+            def box(x0: int, y0: int, x1: int, y1: int, left: int = left, top: int = top) -> float:
+                a, b, c, d = left + ninths[x0], top + ninths[y0], left + ninths[x1], top + ninths[y1]
+                return float(sums[d, c] - sums[d, a] - sums[b, c] + sums[b, a])
+
+            area = size / 3 * (ninths[7] - ninths[2])
+            xx = (box(0, 2, 9, 7) - 3 * box(3, 2, 6, 7)) / area
+            yy = (box(2, 0, 7, 9) - 3 * box(2, 3, 7, 6)) / area
+            xy = (box(1, 1, 4, 4) + box(5, 5, 8, 8) - box(5, 1, 8, 4) - box(1, 5, 4, 8)) / (size / 3) ** 2
+            determinant[i, j], trace[i, j] = xx * yy - 0.81 * xy * xy, xx + yy
+    return determinant, trace
+
+
+def surf_offset(cube: Floats) -> Floats | None:
+    """Maximum of the parabola through 3 x 3 x 3 samples (scale, down, across): across, down, scale."""
+    slope, hessian = np.zeros(3), np.zeros((3, 3))
+    axes = (2, 1, 0)
+    centre = np.array([1, 1, 1])
+    unit = np.eye(3, dtype=int)
+
+    def at(shift: Any) -> float:
+        return float(cube[tuple(centre + shift)])
+
+    for a in range(3):
+        one = unit[axes[a]]
+        slope[a] = (at(one) - at(-one)) / 2
+        hessian[a, a] = at(one) - 2 * at(0 * one) + at(-one)
+        for b in range(a):
+            other = unit[axes[b]]
+            mixed = (at(one + other) - at(one - other) - at(other - one) + at(-one - other)) / 4
+            hessian[a, b] = hessian[b, a] = mixed
+    if np.linalg.det(hessian) == 0.0:
+        return None
+    return np.asarray(-np.linalg.solve(hessian, slope))
+
+
+def surf_angle(sums: Floats, u: float, v: float, size: float) -> float | None:
+    """Direction of the longest sum of weighted gradients in a window of 60 degrees; None without samples."""
+    scale = size * 1.2 / 9
+    side = 2 * round(2 * scale)
+    gradients = []
+    for x in range(-6, 7):
+        for y in range(-6, 7):
+            left = int(np.rint(u + x * scale - (side - 1) / 2))
+            top = int(np.rint(v + y * scale - (side - 1) / 2))
+            inside = min(left, top) >= 0 and left + side < sums.shape[1] and top + side < sums.shape[0]
+            if x * x + y * y > 36 or not inside:
+                continue
+            block = np.diff(np.diff(sums[top : top + side + 1, left : left + side + 1], axis=0), axis=1)
+            half, weight = side // 2, np.exp(-(x * x + y * y) / (2 * 2.5**2))
+            across = block[:, half:].sum() - block[:, :half].sum()
+            down = block[half:].sum() - block[:half].sum()
+            gradients.append((across * weight, down * weight))
+    if not gradients:
+        return None
+    vectors = np.array(gradients)
+    degrees = np.rint(np.degrees(np.arctan2(vectors[:, 1], vectors[:, 0]))) % 360
+    best = max(
+        (
+            vectors[np.abs((degrees - window + 180) % 360 - 180) < 30].sum(axis=0)
+            for window in range(0, 360, 5)
+        ),
+        key=lambda total: float(total @ total),
+    )
+    return float(np.arctan2(best[1], best[0]) % (2 * np.pi))
+
+
+def surf_descriptor(image: Floats, u: float, v: float, size: float, angle: float) -> Floats:
+    """64 sums of the gradients between 21 x 21 means of the turned square, 20 scales wide."""
+    scale = size * 1.2 / 9
+    count = int(21 * scale)
+    line = np.arange(count) - (count - 1) / 2
+    across, down = np.meshgrid(line, line)
+    x = np.clip(u + across * np.cos(angle) - down * np.sin(angle), 0, image.shape[1] - 1)
+    y = np.clip(v + across * np.sin(angle) + down * np.cos(angle), 0, image.shape[0] - 1)
+    left, top = np.minimum(x.astype(int), image.shape[1] - 2), np.minimum(y.astype(int), image.shape[0] - 2)
+    a, b = x - left, y - top
+    above = (1 - a) * image[top, left] + a * image[top, left + 1]
+    below = (1 - a) * image[top + 1, left] + a * image[top + 1, left + 1]
+    samples = (1 - b) * above + b * below
+    # Row k: how much of each sample lies in square k.
+    edges = np.arange(22) * count / 21
+    share = np.clip(np.minimum(np.arange(count) + 1, edges[1:, None]), 0, None) - np.maximum(
+        np.arange(count), edges[:-1, None]
+    )
+    share = np.maximum(share, 0) * 21 / count
+    patch = np.rint(share @ samples @ share.T)
+    along = np.exp(-((np.arange(20) - 9.5) ** 2) / (2 * 3.3**2))
+    weight = np.outer(along, along)
+    dx = (patch[:-1, 1:] - patch[:-1, :-1] + patch[1:, 1:] - patch[1:, :-1]) * weight
+    dy = (patch[1:, :-1] - patch[:-1, :-1] + patch[1:, 1:] - patch[:-1, 1:]) * weight
+    cells = [
+        [part.sum(), other.sum(), np.abs(part).sum(), np.abs(other).sum()]
+        for part, other in (
+            (dx[i : i + 5, j : j + 5], dy[i : i + 5, j : j + 5])
+            for i in range(0, 20, 5)
+            for j in range(0, 20, 5)
+        )
+    ]
+    flat = np.ravel(cells)
+    return np.asarray(flat / max(np.linalg.norm(flat), 1e-12))

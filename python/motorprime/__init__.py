@@ -11,6 +11,8 @@ from ._core import Mlp
 from .attention import Attention, Look
 from .camera import Camera, PosedCamera
 from .detectors import Detections, Detector, Everywhere, HistogramDetector, Mask, Tiles, Windows
+from .detectors.planar import PlanarDetector
+from .detectors.surf import Surf
 from .errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -75,6 +77,7 @@ __all__ = [
     "NotInViewError",
     "PeripersonalModel",
     "PinholeProjection",
+    "PlanarDetector",
     "PosedCamera",
     "PosedProjection",
     "Priors",
@@ -83,6 +86,7 @@ __all__ = [
     "Robot",
     "Samples",
     "StateError",
+    "Surf",
     "Tiles",
     "UnreachableError",
     "Windows",

@@ -18,6 +18,7 @@ __all__ = [
     "kernel_landscape",
     "kernel_landscapes",
     "sample",
+    "surf",
     "threshold",
 ]
 
@@ -98,6 +99,18 @@ def attention_step(
     threads: bool,
     /,
 ) -> list[float | bool | None]: ...
+def surf(
+    gray: npt.NDArray[np.uint8],
+    mask: npt.NDArray[np.bool_] | None,
+    hessian_threshold: float,
+    octaves: int,
+    layers: int,
+    upright: bool,
+    extended: bool,
+    threads: int | None,
+    /,
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32], npt.NDArray[np.float32]]:
+    """Return (N, 5) u, v, size, angle, response; (N, 2) octave, laplacian; descriptors (N, 64 or 128)."""
 
 _System = tuple[_Array, _Array, _Array, _Array]
 _Coupling = tuple[_Array, _Array, _Array, float]

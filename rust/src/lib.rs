@@ -24,6 +24,7 @@ pub mod shape;
 pub mod simd;
 pub mod step;
 pub mod support;
+pub mod surf;
 pub mod threshold;
 
 pub use error::{Error, Result};

@@ -8,6 +8,8 @@
 mod case;
 #[path = "every_set/ellipse.rs"]
 mod ellipse;
+#[path = "every_set/keypoints.rs"]
+mod keypoints;
 #[path = "every_set/network.rs"]
 mod network;
 #[path = "every_set/pinned.rs"]

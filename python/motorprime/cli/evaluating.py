@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from . import attention, dynamics, dynamics_learning, ik, moving
+from . import attention, dynamics, dynamics_learning, ik, moving, surf
 from .measuring import measure, show, writable, wrote
 from .options import JsonFile, Seed, err
 
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
-for part in (moving, dynamics, dynamics_learning, ik, attention):
+for part in (attention, dynamics, dynamics_learning, ik, moving, surf):
     part.register(evaluate)
 
 

@@ -2,6 +2,8 @@
 
 from .base import Detections, Detector, Everywhere, Mask, Tiles, Where, Windows
 from .histogram import HistogramDetector, Silhouette
+from .planar import PlanarDetector, PlanarSighting
+from .surf import Surf
 
 __all__ = [
     "Detections",
@@ -9,7 +11,10 @@ __all__ = [
     "Everywhere",
     "HistogramDetector",
     "Mask",
+    "PlanarDetector",
+    "PlanarSighting",
     "Silhouette",
+    "Surf",
     "Tiles",
     "Where",
     "Windows",

@@ -10,6 +10,7 @@ mod sampling;
 mod scalars;
 mod scratch;
 mod step;
+mod surf;
 mod threshold;
 
 use numpy::PyArray2;
@@ -41,6 +42,8 @@ mod _core {
     use super::sampling::{gibbs_sample, sample};
     #[pymodule_export]
     use super::step::attention_step;
+    #[pymodule_export]
+    use super::surf::surf;
     #[pymodule_export]
     use super::threshold::threshold;
     #[pymodule_export]

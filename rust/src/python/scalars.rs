@@ -44,6 +44,11 @@ pub fn whole(argument: &'static str, object: &Bound<'_, PyAny>, low: u64) -> PyR
     }
 }
 
+/// True or false, of Python or of NumPy.
+pub fn flag(argument: &'static str, object: &Bound<'_, PyAny>) -> PyResult<bool> {
+    object.extract().map_err(|_| wrong_type(argument, "True or False", object))
+}
+
 /// Two whole numbers, as a tuple or list.
 pub fn pair(
     argument: &'static str,
