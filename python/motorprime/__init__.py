@@ -21,6 +21,7 @@ from .errors import (
     UnreachableError,
 )
 from .hand_map import HandMap, learn_hand_map
+from .intersections import intersections
 from .landscape import (
     gaussian_landscape,
     gaussian_landscapes,
@@ -94,6 +95,7 @@ __all__ = [
     "gaussian_landscape",
     "gaussian_landscapes",
     "gibbs_sample",
+    "intersections",
     "kernel_landscape",
     "kernel_landscapes",
     "learn_hand_map",
