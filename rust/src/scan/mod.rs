@@ -18,8 +18,9 @@ use crate::parallel;
 use crate::shape::Shape;
 use crate::simd::Simd;
 
-/// Rows of windows that one piece of work has at least: each begins by counting a whole window's rows.
-const ROWS: usize = 48;
+/// Rows of windows that one piece of work has at least. Each begins by counting a whole window's rows, and where
+/// other programs have the other processors, to wait for them takes longer than a small image.
+const ROWS: usize = 160;
 
 /// An index of a bin, as images hold them.
 pub trait Bin: Copy + Into<usize> + Send + Sync {}
