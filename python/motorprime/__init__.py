@@ -9,7 +9,9 @@ from importlib.metadata import version as _version
 
 from ._core import Mlp
 from .attention import Attention, Look
+from .budget import Budgeted, Glance
 from .camera import Camera, PosedCamera
+from .costs import CostModel, calibrate_costs
 from .detectors import Detections, Detector, Everywhere, HistogramDetector, Mask, Tiles, Windows
 from .errors import (
     ArgumentError,
@@ -58,12 +60,15 @@ __all__ = [
     "ArgumentTypeError",
     "Attended",
     "Attention",
+    "Budgeted",
     "Calibration",
     "Camera",
+    "CostModel",
     "Detections",
     "Detector",
     "Error",
     "Everywhere",
+    "Glance",
     "HandMap",
     "HistogramDetector",
     "HybridProjection",
@@ -90,6 +95,7 @@ __all__ = [
     "__version__",
     "attention_step",
     "calibrate",
+    "calibrate_costs",
     "fit_gaussian",
     "fit_peripersonal",
     "gaussian_landscape",

@@ -22,7 +22,7 @@ from .costs import Clock, CostModel, read_clock
 from .detectors.base import Detections, Detector, Tiles, Where, Windows, check_image
 from .errors import ArgumentError, ArgumentTypeError
 from .pace import Pace
-from .portions import DrawnWindows, Listed, Portions, TopPixels, paint
+from .portions import DrawnWindows, Listed, Portions, TopPixels, check_inside, paint
 
 By: TypeAlias = Literal["windows", "mask"]
 
@@ -141,7 +141,7 @@ class Budgeted:
 
         Raises:
             ArgumentError: a budget that is negative or not finite, a landscape of another size or zero
-                everywhere, an image smaller than a window.
+                everywhere, an image smaller than a window, a tile that is empty or not inside the image.
             ArgumentTypeError: an argument has the wrong type, or the detector returns no Detections.
             StateError: the clock went back.
         """
@@ -173,7 +173,7 @@ class Budgeted:
         detections = _together(found, self._overlap)
         seconds = read_clock(self._clock, now) - started
         if budget > 0.0 and failure is None:
-            self.pace.ended(late=seconds > budget)
+            self.pace.ended(budget, seconds)
         return Glance(detections, seconds, budget, tuple(looks), failure, shape, portions)
 
     def _portions(self, look: Look | Windows | Tiles, shape: tuple[int, int]) -> Portions:
@@ -188,6 +188,7 @@ class Budgeted:
             look.corners(shape)
             return Listed(look)
         if isinstance(look, Tiles):
+            check_inside(look, shape)
             return Listed(look)
         if not isinstance(look, Look):
             raise ArgumentTypeError(f"look: a Look, Windows or Tiles expected, got {type(look).__name__}")

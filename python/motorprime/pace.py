@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ._arrays import fixed, not_negative, positive
 from .errors import ArgumentError
 
-_STEP = 0.05  # of the logarithm of the factor, by every batch
+_STEP, _FIRST = 0.05, 0.7  # at most, of the factor's logarithm, by every batch and by the first one
 _LIMIT = math.log(50.0)
 
 
 @dataclass(eq=False)
 class Pace:
-    """Two running quantiles. Both move by steps of fixed size, so that no outlier carries them away.
+    """Two running estimates. Both move by steps of a limited size, so that no outlier carries them away.
 
     Attributes:
         quantile: share of the cycles that are to end in time, in [0.5, 1).
         step: by which the reserve grows with a cycle that was late [s]; one that was not lets it shrink by
             (1 - quantile) / quantile of that, and so the late ones come to their share.
-        factor: median of how many times as long as the model says a batch takes.
+        factor: how many times as long as the model says a batch takes as a rule.
         reserve: time [s] to be kept free at the end of a cycle, for what comes on top of the batches: the
             clock, the merging, and another program that takes the processor away.
         share: of a budget that is kept free at most, in [0, 1): where programs crowd so much that this is too
@@ -35,6 +35,7 @@ class Pace:
     factor: float = 1.0
     reserve: float = 0.0
     share: float = 0.125
+    _batches: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not 0.5 <= float(fixed("quantile", self.quantile, ())) < 1.0:
@@ -51,11 +52,17 @@ class Pace:
 
     def ran(self, predicted: float, seconds: float) -> None:
         """A batch that was predicted to take so long took ``seconds``."""
+        self._batches += 1
+        # Large at first: what the first cycles are late by is the model's fault, and no matter of a reserve.
+        step = max(_STEP, _FIRST / math.sqrt(self._batches))
         log = math.log(self.factor)
-        off = math.copysign(_STEP, seconds - predicted * self.factor)
+        off = min(max(math.log(max(seconds / predicted, 1e-9)) - log, -step), step)
         self.factor = math.exp(min(max(log + off, -_LIMIT), _LIMIT))
 
-    def ended(self, *, late: bool) -> None:
-        """A cycle ended."""
-        shrink = self.step * (1.0 - self.quantile) / self.quantile
-        self.reserve = max(self.reserve + (self.step if late else -shrink), 0.0)
+    def ended(self, budget: float, seconds: float) -> None:
+        """A cycle with this budget took ``seconds``."""
+        if seconds <= budget:
+            shrink = self.step * (1.0 - self.quantile) / self.quantile
+            self.reserve = max(self.reserve - shrink, 0.0)
+        elif self.reserve < self.share * budget:  # more than can be kept free would only have to shrink again
+            self.reserve += self.step

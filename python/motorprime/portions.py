@@ -123,7 +123,18 @@ def most_relevant_first(tiles: Tiles, look: Look) -> Tiles:
     Raises:
         ArgumentError: a tile is empty or not inside the image.
     """
-    height, width = look.landscape.shape
+    boxes = check_inside(tiles, look.landscape.shape)
+    means = [look.landscape[v0:v1, u0:u1].mean(dtype=np.float64) for u0, v0, u1, v1 in boxes]
+    return _tiles(tiles, np.argsort(-np.array(means), kind="stable"))
+
+
+def check_inside(tiles: Tiles, shape: tuple[int, ...]) -> NDArray[np.int32]:
+    """The boxes (N, 4) of tiles that have pixels and lie in an image of ``shape`` (height, width).
+
+    Raises:
+        ArgumentError: the first that has none or does not is named.
+    """
+    height, width = shape
     boxes = np.asarray(tiles.boxes)
     bad = (boxes[:, :2] < 0) | (boxes[:, 2:] > (width, height)) | (boxes[:, :2] >= boxes[:, 2:])
     if bad.any():
@@ -131,8 +142,7 @@ def most_relevant_first(tiles: Tiles, look: Look) -> Tiles:
         raise ArgumentError(
             f"boxes[{k}]: pixels of an image of {width} x {height} expected, got {boxes[k].tolist()}"
         )
-    means = [look.landscape[v0:v1, u0:u1].mean(dtype=np.float64) for u0, v0, u1, v1 in boxes]
-    return _tiles(tiles, np.argsort(-np.array(means), kind="stable"))
+    return boxes
 
 
 def paint(looks: tuple[Where, ...], shape: tuple[int, int]) -> NDArray[np.bool_]:

@@ -148,6 +148,7 @@ def _ways(image: Image, windows: Windows) -> dict[str, Callable[[], object]]:
         "scan_scores_ms": lambda: scan.scores(image),
         "boxes_scores_ms": lambda: _boxes(image, scan),
         "back_projection_ms": lambda: projection.detect(image, Everywhere()),
+        "back_projection_scores_ms": lambda: projection.scores(image),
     }
 
 
