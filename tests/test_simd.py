@@ -72,7 +72,8 @@ for shape, window in (((7, 9), (3, 2)), ((190, 83), (20, 20)), ((400, 300), (300
     bins = rng.integers(0, 30, shape).astype(np.uint16)
     wanted = rng.random((shape[0] - window[0] + 1, shape[1] - window[1] + 1)) < 0.1
     target = rng.random(25) / 20
-    add("intersections", mp.intersections(bins, target, window), mp.intersections(bins, target, window, wanted=wanted))
+    add("intersections", mp.intersections(bins, target, window))
+    add("wanted", mp.intersections(bins, target, window, wanted=wanted))
     add("intersections", mp.intersections(bins.astype(np.uint8), target, window, stride=3))
 
 matrix = np.array([[60.0, 0, 31.5, 0], [0, 60.0, 23.5, 0], [0, 0, 1.0, 0]])

@@ -33,6 +33,7 @@ from .landscape import (
     sample,
     threshold,
 )
+from .looking import Memory, choose_windows
 from .motorplan import motorplan_landscape
 from .peripersonal import ReachCloud, fit_gaussian, fit_peripersonal
 from .peripersonal_model import PeripersonalModel
@@ -75,6 +76,7 @@ __all__ = [
     "KinematicProjection",
     "Look",
     "Mask",
+    "Memory",
     "MissingExtraError",
     "Mlp",
     "NeuralProjection",
@@ -96,6 +98,7 @@ __all__ = [
     "attention_step",
     "calibrate",
     "calibrate_costs",
+    "choose_windows",
     "fit_gaussian",
     "fit_peripersonal",
     "gaussian_landscape",
