@@ -313,6 +313,7 @@ def test_a_detector_that_returns_something_else_is_named():
         ({"costs": {"call": 1.0}}, ArgumentTypeError),
         ({"clock": 3.0}, ArgumentTypeError),
         ({"by": "tile"}, ArgumentError),
+        ({"strategy": "best"}, ArgumentError),
         ({"size": 0}, ArgumentError),
         ({"size": 2.5}, ArgumentTypeError),
         ({"overlap": 0.0}, ArgumentError),

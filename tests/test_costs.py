@@ -37,6 +37,14 @@ def test_a_run_that_was_interrupted_spoils_nothing():
     np.testing.assert_allclose(prices(found), (1e-4, 1e-5, 5e-5, 1e-8), rtol=0.02)
 
 
+def test_a_little_is_weighed_like_a_lot():
+    """Each run is off by up to a tenth of itself: the price of a call must not drown in the long ones."""
+    clock, generator = SetClock(), np.random.default_rng(0)
+    detector = TimedDetector(clock, pixel=1e-7, noise=lambda t: t * generator.uniform(0.9, 1.1))
+    calls = [calibrate_costs(detector, IMAGE, clock=clock, kinds=["mask"], repeats=1).call for _ in range(30)]
+    np.testing.assert_allclose(calls, 1e-4, rtol=0.35)
+
+
 def test_a_detector_that_does_the_same_work_wherever_it_looks_costs_its_call():
     clock = SetClock(tick=0.0)
     detector = TimedDetector(clock, call=0.03, window=0.0, tile=0.0, pixel=0.0)

@@ -111,8 +111,19 @@ def test_a_back_projected_window_scores_by_its_share_of_pixels_of_the_target_s_c
         assert PROJECTION._score(hsv(image[v : v + 20, u : u + 20])) == pytest.approx(share)
 
 
+@pytest.mark.parametrize("detector", [SCAN, PROJECTION], ids=lambda d: d.way)
+def test_windows_that_were_not_asked_for_score_zero(detector):
+    image, where = motley(), Tiles(np.array([[40, 30, 70, 60], [90, 70, 125, 95]]))
+    everywhere, some = detector.scores(image), detector.scores(image, where)
+    asked = np.zeros(some.shape, bool)
+    asked[30:41, 40:51] = asked[70:76, 90:106] = True
+    np.testing.assert_array_equal(some, np.where(asked, everywhere, 0.0))
+    assert (everywhere[asked] > 0).any() and (everywhere[~asked] > 0).any()
+
+
 def test_a_pixel_s_index_is_its_bin_of_the_histogram():
     colours = np.random.default_rng(3).integers(0, 256, (50, 200, 3)).astype(np.uint8)
+    colours[25:, :, :] //= 8  # about the least value, with every saturation
     index = bin_indices(hsv(colours))
     counts = np.bincount(index[index < NO_BIN], minlength=NO_BIN)
     np.testing.assert_array_equal(counts, histogram(hsv(colours)).ravel())

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from motorprime import Camera, PosedCamera, Windows, kernel_landscape
 from motorprime.attention import Look
 from motorprime.errors import ArgumentError, ArgumentTypeError
-from motorprime.looking import Memory, choose_windows
+from motorprime.looking import Memory, _line, _stratified, choose_windows
 from motorprime.portions import paint
 from motorprime.rotations import rotation_matrices
 from reference import chi_square_bound
@@ -49,6 +51,23 @@ def test_stratified_windows_follow_the_landscape(count):
     positive = field > 0
     square = ((counts - expected)[positive] ** 2 / expected[positive]).sum()
     assert square < chi_square_bound(degrees)
+
+
+def test_the_line_goes_through_blocks_within_blocks():
+    order = np.empty(16, int)
+    order[_line(4, 4)] = np.arange(16)
+    assert order.reshape(4, 4).tolist() == [[0, 1, 4, 5], [2, 3, 6, 7], [8, 9, 12, 13], [10, 11, 14, 15]]
+    assert sorted(_line(5, 3).tolist()) == list(range(15))
+
+
+@pytest.mark.parametrize("number", [0.0, 1.0 - 2**-53])
+def test_no_number_of_the_generator_draws_a_pixel_of_no_mass(number):
+    field = np.zeros((4, 6), np.float32)
+    field[1, 2], field[2, 3] = 0.3, 0.1
+    draw = SimpleNamespace(random=lambda count: np.full(count, number))
+    for count in (1, 2, 4):
+        for u, v in _stratified(field, count, draw):
+            assert field[v, u] > 0
 
 
 def test_stratified_windows_cover_more_than_those_apart_and_these_more_than_independent_ones():

@@ -21,6 +21,7 @@ from .attention import Look
 from .costs import Clock, CostModel, read_clock
 from .detectors.base import Detections, Detector, Tiles, Where, Windows, check_image
 from .errors import ArgumentError, ArgumentTypeError
+from .looking import Strategy
 from .pace import Pace
 from .portions import DrawnWindows, Listed, Portions, TopPixels, check_inside, paint
 
@@ -93,6 +94,7 @@ class Budgeted:
         by: how to look at a landscape: 'windows' drawn from it, one portion after another, or 'mask', its
             most relevant pixels in one call, which nothing can interrupt.
         size: of the windows [px].
+        strategy: how the windows are drawn, see :data:`motorprime.looking.Strategy`.
         overlap: intersection over union from which two boxes of a label are one thing, found twice.
         pace: what was learned; it may be shared by detectors or kept.
         seed: draws the windows.
@@ -110,6 +112,7 @@ class Budgeted:
         clock: Clock,
         by: By = "windows",
         size: int = 20,
+        strategy: Strategy = "independent",
         overlap: float = 0.5,
         pace: Pace | None = None,
         seed: int | np.random.Generator | None = None,
@@ -124,11 +127,16 @@ class Budgeted:
             raise ArgumentTypeError(f"clock: a function expected, got {clock!r}")
         if by not in get_args(By):
             raise ArgumentError(f"by: one of {', '.join(get_args(By))} expected, got {by!r}")
+        if strategy not in get_args(Strategy):
+            raise ArgumentError(
+                f"strategy: one of {', '.join(get_args(Strategy))} expected, got {strategy!r}"
+            )
         if not 0.0 < float(fixed("overlap", overlap, ())) <= 1.0:
             raise ArgumentError(f"overlap: a share in (0, 1] expected, got {overlap}")
         self.detector, self.costs = detector, costs
         self.pace = pace or Pace()
         self._clock, self._by, self._overlap = clock, by, overlap
+        self._strategy: Strategy = strategy
         self._size, self._seed = integer("size", size, at_least=1), generator(seed)
 
     def detect(self, image: NDArray[np.uint8], look: Look | Windows | Tiles, milliseconds: float) -> Glance:
@@ -200,7 +208,7 @@ class Budgeted:
             return TopPixels(look)
         if min(shape) < self._size:
             raise ArgumentError(f"image: {shape[1]} x {shape[0]} is smaller than a window of {self._size} px")
-        return DrawnWindows(look, self._size, self._seed)
+        return DrawnWindows(look, self._size, self._strategy, self._seed)
 
     def _affordable(self, portions: Portions, seconds: float) -> int:
         """How much the next portion takes: all there is time for, or half of it if enough will be left."""

@@ -142,14 +142,14 @@ def choose_windows(
     if look.is_empty:
         raise ArgumentError("look: the landscape is zero everywhere: there is nothing to look at")
     draw = generator(seed)
-    inside, outside = look.landscape, (look.landscape <= 0.0).astype(np.float32)
-    others = math.floor(count * explore + draw.random()) if explore and outside.any() else 0
-    if memory is not None:
-        inside, outside = memory.weigh(inside), memory.weigh(outside)
-    parts = [_strategies(size, draw)[strategy](inside, count - others)]
-    if others:
-        parts.append(_stratified(outside, others, draw))
-    return Windows(np.concatenate(parts), size)
+    weigh = (lambda field: field) if memory is None else memory.weigh
+    others, elsewhere = 0, []
+    if explore and not look.landscape.all():
+        others = math.floor(count * explore + draw.random())
+        outside = (look.landscape <= 0.0).astype(np.float32)
+        elsewhere = [_stratified(weigh(outside), others, draw)]
+    centres = _strategies(size, draw)[strategy](weigh(look.landscape), count - others)
+    return Windows(np.concatenate([centres, *elsewhere]), size)
 
 
 def _strategies(size: int, draw: np.random.Generator) -> dict[Strategy, _Draw]:

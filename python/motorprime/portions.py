@@ -12,6 +12,7 @@ from .attention import Look
 from .costs import CostModel
 from .detectors.base import Mask, Tiles, Where, Windows
 from .errors import ArgumentError
+from .looking import Strategy, choose_windows
 
 MOST = 4096  # windows of one portion
 
@@ -37,8 +38,8 @@ class DrawnWindows:
 
     whole = False
 
-    def __init__(self, look: Look, size: int, seed: np.random.Generator) -> None:
-        self._look, self._size, self._seed = look, size, seed
+    def __init__(self, look: Look, size: int, strategy: Strategy, seed: np.random.Generator) -> None:
+        self._look, self._size, self._strategy, self._seed = look, size, strategy, seed
         self._first = True
 
     def affordable(self, seconds: float, costs: CostModel) -> int:
@@ -47,12 +48,14 @@ class DrawnWindows:
 
     def take(self, count: int) -> Windows:
         """Some more windows; there are always more."""
+        wanted = max(count, 1) - self._first
+        drawn = choose_windows(self._look, wanted, size=self._size, strategy=self._strategy, seed=self._seed)
         if not self._first:
-            return self._look.windows(count, size=self._size, seed=self._seed)
+            return drawn
         self._first = False
-        drawn = self._look.windows(max(count, 1) - 1, size=self._size, seed=self._seed).centres
         v, u = np.unravel_index(int(self._look.landscape.argmax()), self._look.landscape.shape)
-        return Windows(np.concatenate([np.array([[u, v]], dtype=drawn.dtype), drawn]), self._size)
+        peak = np.array([[u, v]], dtype=np.int32)
+        return Windows(np.concatenate([peak, drawn.centres]), self._size)
 
     def rest(self, looked: NDArray[np.bool_]) -> tuple[Where, float]:
         """See :class:`Portions`."""

@@ -136,7 +136,6 @@ def grow_all(
             left = ~silhouette.touches(corners, size)
         else:
             left = (np.abs(corners - corners[0]) > apart).any(axis=1)
-        left[0] = False
         corners, scores = corners[left], scores[left]
     return tuple(sorted(found, key=lambda s: -s.area))
 
