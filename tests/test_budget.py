@@ -20,11 +20,14 @@ LOOK = Look(kernel_landscape(np.array([[60.0, 50.0], [90.0, 70.0]]), SHAPE, widt
 COSTS = CostModel(call=1e-4, window=1e-5, tile=5e-5, pixel=1e-8)
 
 
+OURS = ("by", "size", "strategy", "overlap", "pace", "costs")
+
+
 def budgeted(seed=0, **options):
     clock = SetClock()
-    ours = {name: options.pop(name) for name in ("by", "size", "overlap", "pace", "costs") if name in options}
+    ours = {"costs": COSTS} | {name: options.pop(name) for name in OURS if name in options}
     detector = TimedDetector(clock, **options)
-    return Budgeted(detector, ours.pop("costs", COSTS), clock=clock, seed=seed, **ours), detector
+    return Budgeted(detector, clock=clock, seed=seed, **ours), detector
 
 
 def run(timely, budgets):
@@ -90,6 +93,17 @@ def test_the_first_window_is_the_peak_s_with_more_time_too():
     assert not glance.missed and 0.0 < glance.skipped < 0.5
     for windows in glance.looks:
         assert (LOOK.landscape[windows.centres[:, 1], windows.centres[:, 0]] > 0).all()
+
+
+def test_windows_are_drawn_as_the_strategy_says():
+    """Stratified ones are spread evenly over two modes of the same mass, in every portion."""
+    modes = Look(kernel_landscape(np.array([[40.0, 50.0], [120.0, 50.0]]), SHAPE, width=30.0))
+    glance = budgeted(strategy="stratified")[0].detect(IMAGE, modes, 20)
+    for windows in glance.looks:
+        count = len(windows.centres)
+        assert abs((windows.centres[:, 0] < 80).sum() - count / 2) <= 2
+    chains = [w.centres for w in budgeted(strategy="gibbs")[0].detect(IMAGE, modes, 20).looks]
+    assert any(abs((c[1:, 0] < 80).sum() - len(c) / 2) > 2 for c in chains)
 
 
 def test_listed_windows_are_looked_at_in_their_order_until_time_or_the_list_ends():
