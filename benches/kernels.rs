@@ -11,11 +11,13 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_gr
 use motorprime::dynamics::{self, CoupledSystem, Coupling, Gaussians, Rates, System, Watch};
 use motorprime::gaussian::Gaussian;
 use motorprime::gibbs::{Gibbs, Schedule};
+use motorprime::integral::IntegralHistogram;
 use motorprime::kernel::{Kernel, Trajectory, Widths};
 use motorprime::masses::{Landscape, Masses};
 use motorprime::mlp::{Mlp, Scale, Weights};
 use motorprime::rng::{Xoshiro256PlusPlus, uniform};
 use motorprime::sample::sample;
+use motorprime::scan::{self, Scan};
 use motorprime::step::{Look, Map, Plan, Sight, Task, View, run};
 use motorprime::surf::Surf;
 use motorprime::threshold::{Method, Wanted, threshold};
@@ -204,6 +206,42 @@ fn samples(c: &mut Criterion) {
     }
 }
 
+/// Histogram intersections of all windows of 20 x 20 with nine bins, on every pixel one of 12 bins or, as is
+/// usual, on one patch of the image; and the planes of an integral histogram, which would only be the beginning.
+fn scans(c: &mut Criterion) {
+    let target: Vec<f32> = (0..9).map(|bin| 0.02 + 0.02 * bin as f32).collect();
+    for (content, patch) in [("a patch", 60.0), ("noise", 1e9)] {
+        let bins_of = |image: &Image| -> Vec<u16> {
+            let mut rng = Xoshiro256PlusPlus::new(6);
+            let bins = (0..image.shape.pixels()).map(|i| {
+                let [u, v] = [i % image.shape.width(), i / image.shape.width()];
+                let inside = (u as f64) < patch * image.stretch[0] && (v as f64) < patch * image.stretch[1];
+                if inside { (12.0 * uniform(&mut rng)) as u16 } else { u16::MAX }
+            });
+            bins.collect()
+        };
+        for (name, bands) in [("one thread", 1), ("side by side", 4)] {
+            over_sizes(c, &format!("scan/20 x 20, 9 bins, {content}, {name}"), |image| {
+                let (bins, mut out, mut space) =
+                    (bins_of(&image), image.buffer(), scan::Workspace::default());
+                let target = target.clone();
+                move || {
+                    let scan = Scan { target: &target, window: [20, 20], stride: 1, wanted: None };
+                    let out = &mut out[..scan.places(image.shape).unwrap().pixels()];
+                    let bins = black_box(&bins);
+                    scan.run_on(Simd::best(), bins, image.shape, bands, &mut space, out).unwrap();
+                }
+            });
+        }
+        over_sizes(c, &format!("scan/integral histogram of 9 bins, {content}"), |image| {
+            let bins = bins_of(&image);
+            move || {
+                black_box(IntegralHistogram::new(black_box(&bins), image.shape, 9).unwrap());
+            }
+        });
+    }
+}
+
 fn stereo(c: &mut Criterion) {
     let image = Image::paper();
     let points = image.reach(100);
@@ -363,6 +401,7 @@ fn short() -> Criterion {
 criterion_group! {
     name = benches;
     config = short();
-    targets = copies, landscapes, selections, samples, stereo, networks, steps, movements, keypoints
+    targets =
+        copies, landscapes, selections, samples, scans, stereo, networks, steps, movements, keypoints
 }
 criterion_main!(benches);

@@ -241,6 +241,25 @@ def mlp(
     return y * output_scale[1] + output_scale[0]
 
 
+def intersections(
+    bins: npt.NDArray[Any],
+    target: Any,
+    window: tuple[int, int],
+    stride: int = 1,
+    wanted: npt.NDArray[np.bool_] | None = None,
+) -> Floats:
+    """Every window counted alone: the sum of min(share of the window's pixels, target) over the bins."""
+    target, (high, wide) = np.asarray(target, float), window
+    scores = np.zeros([(size - side) // stride + 1 for size, side in zip(bins.shape, window, strict=True)])
+    for i, j in np.ndindex(*scores.shape):
+        if wanted is None or wanted[i, j]:
+            v, u = i * stride, j * stride
+            inside = bins[v : v + high, u : u + wide].astype(int).ravel()
+            counts = np.bincount(inside[inside < len(target)], minlength=len(target))
+            scores[i, j] = np.minimum(counts / (high * wide), target).sum()
+    return scores
+
+
 def chi_square_bound(degrees: int, sigmas: float = 5.0) -> float:
     """Wilson-Hilferty: exceeded about as rarely as a normal variable exceeds `sigmas`."""
     spread = 2 / (9 * degrees)

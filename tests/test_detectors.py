@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from motorprime import Detections, Detector, Everywhere, HistogramDetector, Mask, Tiles, Windows
 from motorprime.detectors import Silhouette
 from motorprime.detectors.histogram import GROW, merge
-from motorprime.errors import ArgumentError, ArgumentTypeError, Error, StateError
+from motorprime.errors import ArgumentError, ArgumentTypeError, Error
 
 RED, BLUE, GREY = (220, 30, 40), (40, 30, 220), (90, 90, 90)
 DETECTOR = HistogramDetector(np.array([RED] * 100, np.uint8))
@@ -279,7 +279,7 @@ def test_an_image_that_is_none_is_named(image, error):
 @pytest.mark.parametrize(
     ("where", "message", "error"),
     [
-        (Tiles(np.zeros((1, 4), int)), "not at Tiles", StateError),
+        (Tiles(np.zeros((1, 4), int)), r"boxes\[0\]: .* expected, got \[0, 0, 0, 0\]", ArgumentError),
         (
             Mask(np.zeros((160, 120), bool)),
             r"mask: shape \(120, 160\) expected, got \(160",

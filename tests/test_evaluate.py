@@ -10,12 +10,15 @@ import pytest
 from rich.console import Console
 
 from motorprime import ArgumentError
+from motorprime.attention import Look
 from motorprime.cylinder import Located
+from motorprime.detectors import Silhouette
 from motorprime.evaluate import reach as reaches
 from motorprime.evaluate.common import Progress, check_writable, table, write_json
 from motorprime.evaluate.projection import evaluate_projection
 from motorprime.evaluate.reach import evaluate_reach
 from motorprime.evaluate.search import LIMITS, Outcome, _search, _summary, evaluate_search
+from motorprime.evaluate.search_strategies import Chooser
 from motorprime.tasks.trial import Verdict
 
 pytestmark = pytest.mark.sim
@@ -118,8 +121,47 @@ def test_search_says_what_it_found(searched):
     json.dumps(searched, allow_nan=False)
 
 
-def test_search_of_the_same_seed_is_the_same(icub, searched):
-    assert evaluate_search(icub, scenes=2, seed=3) == searched
+def test_search_of_the_same_seed_is_the_same_whatever_else_is_compared(icub, searched):
+    """With strategies the scenes and the other figures stay as they are."""
+    compared = evaluate_search(icub, scenes=2, seed=3, strategies=["apart"])
+    for result in (compared, compared["small"]):
+        strategies = result.pop("strategies")
+        assert set(strategies) == {"apart", "apart_memory"}
+        limit = 5 * result["cycles_limit"]
+        for figures in strategies.values():
+            assert 0 <= figures["found"] <= 2 and 1.0 <= figures["cycles_mean"] <= limit + 1
+    assert compared == searched
+    with pytest.raises(ArgumentError, match=r"strategy: one of gibbs, .* got 'best'"):
+        evaluate_search(icub, scenes=1, strategies=["best"])
+
+
+class HittingFinder:
+    """Has hit a square of 10 x 10 at (30, 20) in the left eye."""
+
+    def __init__(self):
+        silhouette = Silhouette(np.ones((10, 10), bool), (30, 20), np.array([34.5, 24.5]), 0.5)
+        self.memory = {"left": (silhouette,)}
+
+
+def test_a_chooser_keeps_off_what_was_looked_at_in_vain_and_not_off_what_was_hit():
+    look = Look(np.ones((60, 80), np.float32))
+    chooser = Chooser(
+        HittingFinder(), lambda: {"left": look}, "independent", True, 6, 8, np.random.default_rng(0)
+    )
+    seen = np.zeros((60, 80), bool)  # in the last cycle, in vain
+    hit = np.zeros((60, 80), bool)
+    hit[20:30, 30:40] = True
+    for _ in range(4):
+        windows = chooser()["left"]
+        assert not seen[windows.centres[:, 1], windows.centres[:, 0]].any()
+        seen[:] = False
+        for u, v in windows.corners((60, 80)):
+            window = np.s_[v : v + 8, u : u + 8]
+            seen[window] |= not hit[window].any()
+    forgetful = Chooser(
+        HittingFinder(), lambda: {"left": look}, "gibbs", False, 6, 8, np.random.default_rng(0)
+    )
+    assert len(forgetful()["left"].centres) == len(forgetful()["left"].centres) == 6
 
 
 class ScriptedFinder:

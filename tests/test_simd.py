@@ -68,6 +68,14 @@ for sizes in ((1, 1), (3, 5, 2), (12, 25, 25, 2), (7, 33, 40, 5), (12, 64, 2)):
         x = rng.normal(0, 2, (rows, sizes[0]))
         add("mlp", mlp(x), mlp(x.astype(np.float32)), mlp.jacobian(x))
 
+for shape, window in (((7, 9), (3, 2)), ((190, 83), (20, 20)), ((400, 300), (300, 280))):
+    bins = rng.integers(0, 30, shape).astype(np.uint16)
+    wanted = rng.random((shape[0] - window[0] + 1, shape[1] - window[1] + 1)) < 0.1
+    target = rng.random(25) / 20
+    add("intersections", mp.intersections(bins, target, window))
+    add("wanted", mp.intersections(bins, target, window, wanted=wanted))
+    add("intersections", mp.intersections(bins.astype(np.uint8), target, window, stride=3))
+
 matrix = np.array([[60.0, 0, 31.5, 0], [0, 60.0, 23.5, 0], [0, 0, 1.0, 0]])
 layers = [(25, 12), (25, 25), (2, 25)]
 weights = [rng.normal(0, 1 / math.sqrt(i), (o, i)) for o, i in layers]

@@ -9,7 +9,9 @@ from importlib.metadata import version as _version
 
 from ._core import Mlp
 from .attention import Attention, Look
+from .budget import Budgeted, Glance
 from .camera import Camera, PosedCamera
+from .costs import CostModel, calibrate_costs
 from .detectors import Detections, Detector, Everywhere, HistogramDetector, Mask, Tiles, Windows
 from .detectors.planar import PlanarDetector
 from .detectors.surf import Surf
@@ -23,6 +25,7 @@ from .errors import (
     UnreachableError,
 )
 from .hand_map import HandMap, learn_hand_map
+from .intersections import intersections
 from .landscape import (
     gaussian_landscape,
     gaussian_landscapes,
@@ -32,6 +35,7 @@ from .landscape import (
     sample,
     threshold,
 )
+from .looking import Memory, choose_windows
 from .motorplan import motorplan_landscape
 from .peripersonal import ReachCloud, fit_gaussian, fit_peripersonal
 from .peripersonal_model import PeripersonalModel
@@ -59,18 +63,22 @@ __all__ = [
     "ArgumentTypeError",
     "Attended",
     "Attention",
+    "Budgeted",
     "Calibration",
     "Camera",
+    "CostModel",
     "Detections",
     "Detector",
     "Error",
     "Everywhere",
+    "Glance",
     "HandMap",
     "HistogramDetector",
     "HybridProjection",
     "KinematicProjection",
     "Look",
     "Mask",
+    "Memory",
     "MissingExtraError",
     "Mlp",
     "NeuralProjection",
@@ -93,11 +101,14 @@ __all__ = [
     "__version__",
     "attention_step",
     "calibrate",
+    "calibrate_costs",
+    "choose_windows",
     "fit_gaussian",
     "fit_peripersonal",
     "gaussian_landscape",
     "gaussian_landscapes",
     "gibbs_sample",
+    "intersections",
     "kernel_landscape",
     "kernel_landscapes",
     "learn_hand_map",

@@ -15,6 +15,7 @@ __all__ = [
     "gaussian_landscapes",
     "gibbs_sample",
     "instruction_set",
+    "intersections",
     "kernel_landscape",
     "kernel_landscapes",
     "sample",
@@ -86,6 +87,15 @@ def instruction_set() -> str:
 def sample(
     landscape: _Array, n: int, seed: int, min_distance: float, out: npt.NDArray[np.int32] | None, /
 ) -> npt.NDArray[np.int32]: ...
+def intersections(
+    bins: npt.NDArray[np.uint8] | npt.NDArray[np.uint16],
+    target: _Numbers,
+    window: tuple[int, int],
+    stride: int,
+    wanted: npt.NDArray[np.bool_] | None,
+    out: _Landscape | None,
+    /,
+) -> _Landscape: ...
 def attention_step(
     cameras: list[tuple[str, Any, tuple[int, int], float | tuple[float, float], _Landscape, Any]],
     points: _Rows | None,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ._arrays import Floats, fixed, not_negative, positive
 from .camera import PosedCamera
-from .detectors.histogram import Silhouette
+from .detectors.silhouettes import Silhouette
 from .errors import ArgumentError
 from .views import Views
 

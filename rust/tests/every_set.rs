@@ -16,6 +16,8 @@ mod network;
 mod pinned;
 #[path = "every_set/samplers.rs"]
 mod samplers;
+#[path = "every_set/scan.rs"]
+mod scan;
 #[path = "every_set/threshold.rs"]
 mod threshold;
 #[path = "every_set/trajectory.rs"]

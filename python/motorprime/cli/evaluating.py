@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from . import attention, dynamics, dynamics_learning, ik, moving, surf
+from . import attention, budget, dynamics, dynamics_learning, ik, moving, surf
 from .measuring import measure, show, writable, wrote
 from .options import JsonFile, Seed, err
 
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
-for part in (attention, dynamics, dynamics_learning, ik, moving, surf):
+for part in (attention, budget, dynamics, dynamics_learning, ik, moving, surf):
     part.register(evaluate)
 
 
@@ -31,13 +31,23 @@ def _projection(
 @evaluate.command("search", short_help="Cycles to find the glass: primed, anywhere, full scan.")
 def _search(
     scenes: Annotated[int, typer.Option(min=1, help="Scenes for each size of glass.")] = 100,
+    strategy: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Also by few windows chosen so: gibbs, independent, apart or stratified; more than once."
+        ),
+    ] = None,
     seed: Seed = 0,
     json_file: JsonFile = None,
 ) -> None:
-    """Cycles to find the glass: peripersonal windows, windows anywhere, and one full scan."""
+    """Cycles to find the glass: peripersonal windows, windows anywhere, and one full scan.
+
+    With --strategy the same scenes are searched by 10 windows a cycle as well, in up to five times as many
+    cycles, without and with a memory of what was looked at in vain.
+    """
     from ..evaluate.search import evaluate_search
 
-    measure("search", evaluate_search, json_file, scenes=scenes, seed=seed)
+    measure("search", evaluate_search, json_file, scenes=scenes, seed=seed, strategies=strategy or [])
 
 
 @evaluate.command("reach", short_help="How often the palm ends before the glass.")

@@ -13,7 +13,8 @@ from .._arrays import Floats
 from ..attention import Look
 from ..cylinder import Cylinder, Located, locate_cylinder
 from ..detectors import Everywhere, HistogramDetector, Silhouette, Where, Windows
-from ..detectors.histogram import Search, merge
+from ..detectors.histogram import Search
+from ..detectors.silhouettes import merge
 from ..errors import NotInViewError
 from ..motorplan import pixel_landscapes
 from ..views import Views

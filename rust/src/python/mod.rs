@@ -8,6 +8,7 @@ mod mlp;
 mod pool;
 mod sampling;
 mod scalars;
+mod scan;
 mod scratch;
 mod step;
 mod surf;
@@ -40,6 +41,8 @@ mod _core {
     use super::mlp::Mlp;
     #[pymodule_export]
     use super::sampling::{gibbs_sample, sample};
+    #[pymodule_export]
+    use super::scan::intersections;
     #[pymodule_export]
     use super::step::attention_step;
     #[pymodule_export]
