@@ -10,7 +10,18 @@ from importlib.metadata import version as _version
 from ._core import Mlp
 from .attention import Attention, Look
 from .camera import Camera, PosedCamera
-from .detectors import Detections, Detector, Everywhere, HistogramDetector, Mask, Tiles, Windows
+from .detectors import (
+    Detections,
+    Detector,
+    Everywhere,
+    Guarded,
+    HistogramDetector,
+    Keypoints,
+    Mask,
+    OnTiles,
+    Tiles,
+    Windows,
+)
 from .errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -27,8 +38,10 @@ from .landscape import (
     gibbs_sample,
     kernel_landscape,
     kernel_landscapes,
+    regions,
     sample,
     threshold,
+    tiles,
 )
 from .motorplan import motorplan_landscape
 from .peripersonal import ReachCloud, fit_gaussian, fit_peripersonal
@@ -63,9 +76,11 @@ __all__ = [
     "Detector",
     "Error",
     "Everywhere",
+    "Guarded",
     "HandMap",
     "HistogramDetector",
     "HybridProjection",
+    "Keypoints",
     "KinematicProjection",
     "Look",
     "Mask",
@@ -73,6 +88,7 @@ __all__ = [
     "Mlp",
     "NeuralProjection",
     "NotInViewError",
+    "OnTiles",
     "PeripersonalModel",
     "PinholeProjection",
     "PosedCamera",
@@ -100,6 +116,8 @@ __all__ = [
     "motorplan_landscape",
     "read_recording",
     "read_table",
+    "regions",
     "sample",
     "threshold",
+    "tiles",
 ]

@@ -1,14 +1,21 @@
 """Detectors that look only where they are told."""
 
 from .base import Detections, Detector, Everywhere, Mask, Tiles, Where, Windows
+from .guard import Guarded
 from .histogram import HistogramDetector, Silhouette
+from .keypoints import KEYPOINT, Keypoints
+from .on_tiles import OnTiles
 
 __all__ = [
+    "KEYPOINT",
     "Detections",
     "Detector",
     "Everywhere",
+    "Guarded",
     "HistogramDetector",
+    "Keypoints",
     "Mask",
+    "OnTiles",
     "Silhouette",
     "Tiles",
     "Where",
