@@ -91,8 +91,8 @@ def tiles(
 ) -> Tiles:
     """Rectangles of one size that cover the attended pixels, as few as can be found quickly.
 
-    Strips of that height cover the attended rows from the top, and tiles each strip's columns from the left;
-    or strips of columns are covered from the top, whichever reads less.
+    Of three covers that which reads least: strips of that height from the top, and tiles along each from the
+    left; strips of columns likewise; and always the tile that covers most of what is left.
 
     Args:
         landscape: as for :func:`regions`.
@@ -116,7 +116,8 @@ def tiles(
     height, width = _size(size, align)
     by_rows = _strips(mask, (height, width), align)
     by_columns = _strips(np.ascontiguousarray(mask.T), (width, height), align)[:, [1, 0, 3, 2]]
-    found = [Tiles(grow(cores, mask.shape, halo=halo, align=align), cores) for cores in (by_rows, by_columns)]
+    covers = by_rows, by_columns, _greedy(mask, (height, width), align)
+    found = [Tiles(grow(cores, mask.shape, halo=halo, align=align), cores) for cores in covers]
     return min(found, key=lambda few: int(_areas(few.boxes).sum()))
 
 
@@ -301,7 +302,7 @@ def _parts(
     return [*_parts(prices, best, halves[0]), *_parts(prices, best, halves[1])]
 
 
-# Strips of tiles of one size.
+# Tiles of one size.
 
 
 def _strips(mask: NDArray[np.bool_], size: tuple[int, int], align: int) -> Pixels:
@@ -320,6 +321,33 @@ def _strips(mask: NDArray[np.bool_], size: tuple[int, int], align: int) -> Pixel
             boxes.append((left, top, min(u, width), min(top + tall, height)))
         v = top + tall
     return np.array(boxes, dtype=np.int32).reshape(-1, 4)
+
+
+def _greedy(mask: NDArray[np.bool_], size: tuple[int, int], align: int) -> Pixels:
+    """Tiles (N, 4) that each cover most of what the ones before left, on a grid of an eighth of a tile."""
+    steps = [align * max(1, side // (8 * align)) for side in size]
+    left = _any_in_cells(mask, steps)
+    sides = [min(side // step, cells) for side, step, cells in zip(size, steps, left.shape, strict=True)]
+    boxes = []
+    while left.any():
+        sums = np.pad(left, ((1, 0), (1, 0))).astype(np.int32).cumsum(axis=0).cumsum(axis=1)
+        sums = sums[sides[0] :] - sums[: -sides[0]]
+        sums = sums[:, sides[1] :] - sums[:, : -sides[1]]
+        y, x = (int(k) for k in np.unravel_index(sums.argmax(), sums.shape))
+        left[y : y + sides[0], x : x + sides[1]] = False
+        v, u = (
+            _begin(place * step, side, length, align)
+            for place, step, side, length in zip((y, x), steps, size, mask.shape, strict=True)
+        )
+        boxes.append((u, v, min(u + size[1], mask.shape[1]), min(v + size[0], mask.shape[0])))
+    return np.array(boxes, dtype=np.int32).reshape(-1, 4)
+
+
+def _any_in_cells(mask: NDArray[np.bool_], steps: list[int]) -> NDArray[np.bool_]:
+    """Whether anything is set in each cell of (height, width) ``steps``."""
+    for axis, step in enumerate(steps):
+        mask = np.logical_or.reduceat(mask, np.arange(0, mask.shape[axis], step), axis=axis)
+    return mask
 
 
 def _begin(pixel: int, size: int, length: int, align: int) -> int:

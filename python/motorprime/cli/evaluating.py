@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from . import dynamics, dynamics_learning, ik, moving
+from . import dynamics, dynamics_learning, ik, looking, moving
 from .measuring import measure, show, writable, wrote
 from .options import JsonFile, Seed, err
 
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
-for part in (moving, dynamics, dynamics_learning, ik):
+for part in (moving, dynamics, dynamics_learning, ik, looking):
     part.register(evaluate)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ KEYPOINT = np.dtype(
     ]
 )
 """Place (u, v) and diameter ``size`` [px], angle [rad], strength, and the octave as the detector counts."""
+
+Structured: TypeAlias = NDArray[Any]
+"""A structured array (N,) with the fields of :data:`KEYPOINT` at least."""
 
 NEAR = 1.0
 """Two tiles may see one keypoint on two sides of the border between their cores, so far [px] from it."""
