@@ -19,7 +19,7 @@ def register(evaluate: typer.Typer) -> None:
 
 
 def _regions(
-    images: Annotated[int, typer.Option(min=1, help="Textures; four times as many images of labels.")] = 5,
+    images: Annotated[int, typer.Option(min=1, help="Textures; four times as many of labels and faces.")] = 5,
     rounds: Annotated[int, typer.Option(min=1, help="Timed runs on each image.")] = 3,
     text_model: Annotated[
         Path | None,
@@ -38,8 +38,9 @@ def _regions(
     "pixels_read" counts the halo too.
 
     "orb_2" is ORB with the scale factor 2 and three levels, "brisk_48" is BRISK on images whose sides are
-    multiples of 48. "cover" compares tilings with the optimum on small random masks: "optimal" is the share
-    that no other cover beats, "worst" the largest ratio to the best.
+    multiples of 48, "cascade" finds drawn faces at 640 x 480, whatever their score. "cover" compares tilings
+    with the optimum on small random masks: "optimal" is the share that no other cover beats, "worst" the
+    largest ratio to the best.
     """
     from ..evaluate.common import Progress
     from ..evaluate.regions import evaluate_regions

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from numpy.typing import NDArray
 
-from .._arrays import numbers
+from .._arrays import not_negative, numbers
 from ..errors import ArgumentError, ArgumentTypeError
 from ..tiling import looked_at
 from ..where import Tiles, Where
@@ -84,6 +85,14 @@ def check_found(found: object) -> Detections:
         k = int(bad.argmax())
         raise ArgumentError(f"boxes[{k}]: finite numbers expected, got {boxes[k]} with score {scores[k]}")
     return found
+
+
+def check_overlap(overlap: npt.ArrayLike) -> float:
+    """An intersection over union from which boxes are one object: in (0, 1]."""
+    share = not_negative("overlap", overlap)
+    if not 0.0 < share <= 1.0:
+        raise ArgumentError(f"overlap: a share in (0, 1] expected, got {share}")
+    return share
 
 
 def suppress(boxes: NDArray[np.float32], scores: NDArray[np.float32], overlap: float) -> NDArray[np.intp]:

@@ -19,7 +19,7 @@ from ..errors import ArgumentError, ArgumentTypeError, MissingExtraError, StateE
 from ..tiling import looked_at, reading, tiles
 from ..where import Tiles, Where
 from .base import Detections, check_image
-from .merging import collect
+from .merging import check_overlap, collect
 from .onnx_layouts import ColumnBoxes, Layout, RowBoxes, TextMap
 
 __all__ = ["ColumnBoxes", "Layout", "OnnxDetector", "RowBoxes", "TextMap"]
@@ -70,7 +70,7 @@ class OnnxDetector:
     ) -> None:
         if channels not in ("rgb", "bgr"):
             raise ArgumentError(f"channels: 'rgb' or 'bgr' expected, got {channels!r}")
-        self.layout, self.channels, self.overlap = layout, channels, overlap
+        self.layout, self.channels, self.overlap = layout, channels, check_overlap(overlap)
         self.mean, self.scale = _three("mean", mean), _three("scale", scale)
         self.halo, self.align = integer("halo", halo, at_least=0), integer("align", align, at_least=1)
         self.batch = integer("batch", batch, at_least=1)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .._arrays import not_negative
 from ..errors import ArgumentError
 from .base import Detections
-from .merging import suppress
+from .merging import check_overlap, suppress
 
 Declared: TypeAlias = Sequence[Any]
 """Shape of an output as the model declares it: an int, or a name or None where it may vary."""
@@ -176,8 +176,7 @@ def _check_boxes(labels: tuple[str, ...], score: float, overlap: float) -> None:
     if not labels:
         raise ArgumentError("labels: the names of the network's classes expected, got none")
     not_negative("score", score)
-    if not 0.0 < not_negative("overlap", overlap) <= 1.0:
-        raise ArgumentError(f"overlap: a share in (0, 1] expected, got {overlap}")
+    check_overlap(overlap)
 
 
 def _boxes(

@@ -20,6 +20,9 @@ from ..where import Where
 from .base import check_image
 from .keypoints import KEYPOINT, Keypoints, collect_keypoints
 
+SMALLEST = 8
+"""No keypoint fits into fewer pixels a side; some of the detectors fail on them."""
+
 
 class OpenCvKeypoints:
     """Base of OpenCV's keypoint detectors; the classes below say which, and how exact they are.
@@ -66,6 +69,8 @@ class OpenCvKeypoints:
         return collect_keypoints(points, descriptors, tiles, where, shape)
 
     def _on(self, crop: NDArray[np.uint8]) -> tuple[NDArray[Any], NDArray[Any]]:
+        if min(crop.shape[:2]) < SMALLEST:
+            return self._none()
         keypoints, descriptors = self._detector.detectAndCompute(cv2.cvtColor(crop, cv2.COLOR_RGB2GRAY), None)
         return (structured(keypoints), descriptors) if keypoints else self._none()
 

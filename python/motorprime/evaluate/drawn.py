@@ -1,4 +1,4 @@
-"""Images drawn from a seed, with much to find in them: textures, and printed labels."""
+"""Images drawn from a seed, with much to find in them: textures, printed labels, faces."""
 
 from __future__ import annotations
 
@@ -65,6 +65,47 @@ def labelled(
             break
     picture += rng.normal(0.0, 2.5, (height, width, 1)).astype(np.float32)
     return np.clip(picture, 0, 255).astype(np.uint8), np.array(boxes, dtype=np.float64)
+
+
+def faces(
+    rng: np.random.Generator, shape: tuple[int, int], count: int = 12
+) -> tuple[NDArray[np.uint8], Floats]:
+    """Faces, drawn as plainly as a cascade classifier sees them, none over another: (u, v, height) of each."""
+    height, width = shape
+    picture = np.full((height, width, 3), rng.uniform(90, 130), dtype=np.float32)
+    drawn: list[Floats] = []
+    for _ in range(20 * count):
+        size = rng.uniform(50.0, 110.0)
+        centre = rng.uniform(0.6 * size, (width - 0.6 * size, height - 0.6 * size))
+        if all(np.abs(centre - other[:2]).max() > 0.6 * (size + other[2]) for other in drawn):
+            drawn.append(np.append(centre, size))
+            _face(picture, centre, size)
+        if len(drawn) == count:
+            break
+    picture[:] = cv2.GaussianBlur(picture, (0, 0), 1.2)
+    picture += rng.normal(0.0, 3.0, (height, width, 1)).astype(np.float32)
+    return np.clip(picture, 0, 255).astype(np.uint8), np.array(drawn).reshape(-1, 3)
+
+
+def _face(picture: NDArray[np.float32], centre: Floats, size: float) -> None:
+    """Ellipses: (u, v, half width, half height) in heads, and grey."""
+    parts = [(0.0, 0.0, 0.38, 0.5, 200.0)]
+    for side in (-0.17, 0.17):
+        parts += [(side, -0.12, 0.1, 0.05, 60.0), (side, -0.22, 0.12, 0.025, 90.0)]
+    parts += [(0.0, 0.02, 0.045, 0.14, 225.0), (0.0, 0.15, 0.08, 0.02, 120.0), (0.0, 0.26, 0.16, 0.04, 90.0)]
+    for u, v, wide, high, grey in parts:
+        place, axes = np.rint(centre + np.multiply((u, v), size)), np.multiply((wide, high), size)
+        cv2.ellipse(
+            picture,
+            place.astype(int).tolist(),
+            axes.astype(int).tolist(),
+            0,
+            0,
+            360,
+            (grey,) * 3,
+            -1,
+            cv2.LINE_AA,
+        )
 
 
 def _label(

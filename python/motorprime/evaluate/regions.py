@@ -15,17 +15,19 @@ from numpy.typing import NDArray
 
 from .._arrays import integer
 from ..detectors import Detections, Detector, Everywhere, Keypoints, Tiles, Where
+from ..detectors.cascade import Cascade
 from ..detectors.keypoints import Structured
 from ..detectors.merging import intersection_over_union
 from ..detectors.opencv import Akaze, Brisk, Kaze, Orb, Sift
 from ..errors import ArgumentError, MissingExtraError, StateError
 from .common import Progress
 from .cover import evaluate_cover
-from .drawn import labelled, textured
+from .drawn import faces, labelled, textured
 from .text_model import text_detector
 
 FRACTION = 0.3
 SHAPE, TEXT_SHAPE = (720, 1280), (480, 640)
+FACES = "haarcascade_frontalface_default.xml"
 DETECTORS: Mapping[str, tuple[Callable[[], Detector], tuple[int, int]]] = {
     "sift": (Sift, SHAPE),
     "akaze": (Akaze, SHAPE),
@@ -78,19 +80,19 @@ def evaluate_regions(
     processor.
 
     Args:
-        images: of textures, 1280 x 720, for the keypoints; four times as many of labels, 640 x 480, for text.
+        images: of textures, 1280 x 720, for the keypoints; four times as many 640 x 480, of labels and of faces.
         rounds: timed runs of each side on each image.
         seed: of images and tiles.
         text_model: the .onnx file of the text detector; None takes the one that was fetched at set-up.
         progress: shows how far it is.
 
     Returns:
-        For each of :data:`DETECTORS` and ``text``: ratio (median time attended over that of the full frame),
-        recovered (share of what the full run found inside the tile), expected (how many those are), full_ms,
-        attended_ms, pixels_read (share, with halo). Keypoints are recovered within 0.1 px, 2 % in size and
-        2 degrees; boxes, that the full run scored 0.6 or more and that lie wholly inside, by an intersection
-        over union of 0.7. A detector that is not installed has None and the reason. ``cover``: see
-        :func:`evaluate_cover`.
+        For each of :data:`DETECTORS`, ``text`` and ``cascade``: ratio (median time attended over that of the
+        full frame), recovered (share of what the full run found inside the tile), expected (how many those
+        are), full_ms, attended_ms, pixels_read (share, with halo). Keypoints are recovered within 0.1 px, 2 %
+        in size and 2 degrees; boxes, that the full run scored 0.6 or more and that lie wholly inside, by an
+        intersection over union of 0.7, faces of any score. A detector that is not installed has None and the
+        reason. ``cover``: see :func:`evaluate_cover`.
     """
     images, rounds = integer("images", images, at_least=1), integer("rounds", rounds, at_least=1)
     progress = progress or Progress()
@@ -103,6 +105,8 @@ def evaluate_regions(
         result["text"] = _measure(
             "text", lambda: text_detector(text_model), scenes, same_boxes, rounds, progress
         )
+        scenes = [(faces(rng, TEXT_SHAPE)[0], rng) for rng in _generators(seed, 4 * images)]
+        result["cascade"] = _measure("cascade", lambda: Cascade(FACES), scenes, any_box, rounds, progress)
     result["cover"] = evaluate_cover(20 * images, seed)
     return result
 
@@ -150,12 +154,19 @@ def _has(points: Structured, one: Any) -> bool:
     return bool((near & (np.minimum(turn, 2 * np.pi - turn) <= np.deg2rad(2.0))).any())
 
 
-def same_boxes(full: Detections, part: Detections, box: NDArray[np.int32]) -> tuple[int, int]:
+def same_boxes(
+    full: Detections, part: Detections, box: NDArray[np.int32], *, score: float = 0.6
+) -> tuple[int, int]:
     """How many sure boxes the full run has wholly inside ``box``, and how many of those ``part`` has too."""
     inside = (full.boxes[:, :2] >= box[:2]).all(axis=1) & (full.boxes[:, 2:] <= box[2:]).all(axis=1)
-    sure = full.boxes[inside & (full.scores >= 0.6)]
+    sure = full.boxes[inside & (full.scores >= score)]
     found = [bool((intersection_over_union(one, part.boxes) >= 0.7).any()) for one in sure]
     return len(sure), sum(found)
+
+
+def any_box(full: Detections, part: Detections, box: NDArray[np.int32]) -> tuple[int, int]:
+    """As :func:`same_boxes`, whatever the score, which is no share with a cascade."""
+    return same_boxes(full, part, box, score=-np.inf)
 
 
 def _measure(
