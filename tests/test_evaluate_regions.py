@@ -37,9 +37,8 @@ def test_keypoints_are_recovered_within_a_tenth_of_a_pixel_two_percent_and_two_d
         ((0.0, 0.0, 0.19, 0.0), 1), ((0.0, 0.0, 0.21, 0.0), 0),
         ((0.0, 0.0, 0.0, -0.03), 1), ((0.0, 0.0, 0.0, 2 * np.pi - 0.03), 1), ((0.0, 0.0, 0.0, 0.04), 0),
     ):  # fmt: skip
-        part = keypoints(
-            (20.0 + change[0], 20.0 + change[1], 10.0 + change[2], 0.01 + change[3]), (30, 30, 5, 0)
-        )
+        moved = tuple(np.add((20.0, 20.0, 10.0, 0.01), change))
+        part = keypoints(moved, (30, 30, 5, 0))
         assert same_keypoints(full, part, BOX) == (1, same), change
 
 
@@ -71,7 +70,7 @@ def test_tiles_are_compact_aligned_and_just_over_thirty_percent(shape, align):
         seen.add((u0, v0, u1, v1))
     assert len(seen) > 20
     with pytest.raises(ArgumentError, match="align"):
-        compact_tile(np.random.default_rng(0), (64, 64), 48)
+        compact_tile(np.random.default_rng(0), (64, 64), 100)
 
 
 def test_images_are_drawn_from_a_seed():
@@ -145,19 +144,8 @@ def run(monkeypatch, *arguments):
 
 def test_the_command_prints_a_table_and_writes_json(small, monkeypatch, capsys, tmp_path):
     path = tmp_path / "regions.json"
-    options = [
-        "--images",
-        1,
-        "--rounds",
-        1,
-        "--seed",
-        4,
-        "--text-model",
-        tmp_path / "no.onnx",
-        "--json",
-        path,
-    ]
-    assert run(monkeypatch, "evaluate", "regions", *options) == 0
+    options = ["--images", 1, "--rounds", 1, "--seed", 4, "--text-model", tmp_path / "no.onnx"]
+    assert run(monkeypatch, "evaluate", "regions", *options, "--json", path) == 0
     assert "sift.recovered" in capsys.readouterr().out
     written = json.loads(path.read_text())
     assert written["seed"] == 4 and written["sift"]["expected"] > 0

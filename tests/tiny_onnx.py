@@ -26,7 +26,7 @@ def map_network(channels: int = 3, outputs: int = 1) -> bytes:
 
 
 def box_network(layout: str, size: int, *, batch: int | str = "n") -> bytes:
-    """(N, 3, size, size) -> a box for each cell of 8 x 8, scored by its mean: (N, 5, cells) or (N, cells, 6)."""
+    """(N, 3, size, size) -> a box for each cell of 8 x 8, scored by its mean: (N, 5, K) or (N, K, 6)."""
     count = size // CELL
     v, u = np.mgrid[:count, :count].reshape(2, 1, -1) * CELL + CELL / 2.0
     grid = np.concatenate([u, v, np.full_like(u, CELL), np.full_like(u, CELL)])[None].reshape(1, 4, -1)

@@ -70,7 +70,7 @@ def labelled(
 def faces(
     rng: np.random.Generator, shape: tuple[int, int], count: int = 12
 ) -> tuple[NDArray[np.uint8], Floats]:
-    """Faces, drawn as plainly as a cascade classifier sees them, none over another: (u, v, height) of each."""
+    """Faces, as plain as a cascade classifier sees them, none over another, and (u, v, height) of each."""
     height, width = shape
     picture = np.full((height, width, 3), rng.uniform(90, 130), dtype=np.float32)
     drawn: list[Floats] = []

@@ -80,7 +80,7 @@ def evaluate_regions(
     processor.
 
     Args:
-        images: of textures, 1280 x 720, for the keypoints; four times as many 640 x 480, of labels and of faces.
+        images: textures of 1280 x 720 for the keypoints; labels and faces, four times as many of 640 x 480.
         rounds: timed runs of each side on each image.
         seed: of images and tiles.
         text_model: the .onnx file of the text detector; None takes the one that was fetched at set-up.
