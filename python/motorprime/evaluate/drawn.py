@@ -56,15 +56,16 @@ def labelled(
     picture = np.empty((height, width, 3), dtype=np.float32)
     picture[:] = rng.uniform(110, 220, 3)
     picture += (_noise(rng, shape, 40) * 14)[..., None]
+    printed = np.clip(picture, 0, 255).astype(np.uint8)  # OpenCV 5 writes on nothing else
     boxes: list[tuple[int, int, int, int]] = []
     for _ in range(20 * labels):
-        box = _label(rng, picture, boxes)
+        box = _label(rng, printed, boxes)
         if box is not None:
             boxes.append(box)
         if len(boxes) == labels:
             break
-    picture += rng.normal(0.0, 2.5, (height, width, 1)).astype(np.float32)
-    return np.clip(picture, 0, 255).astype(np.uint8), np.array(boxes, dtype=np.float64)
+    noisy = printed + rng.normal(0.0, 2.5, (height, width, 1))
+    return np.clip(noisy, 0, 255).astype(np.uint8), np.array(boxes, dtype=np.float64)
 
 
 def faces(
@@ -109,7 +110,7 @@ def _face(picture: NDArray[np.float32], centre: Floats, size: float) -> None:
 
 
 def _label(
-    rng: np.random.Generator, picture: NDArray[np.float32], others: list[tuple[int, int, int, int]]
+    rng: np.random.Generator, picture: NDArray[np.uint8], others: list[tuple[int, int, int, int]]
 ) -> tuple[int, int, int, int] | None:
     """Print a word on a plate somewhere, unless that is too near to another."""
     word, font = WORDS[rng.integers(len(WORDS))], FONTS[rng.integers(len(FONTS))]
