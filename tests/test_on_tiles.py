@@ -128,8 +128,10 @@ def test_an_object_over_four_tiles_is_joined():
 def test_the_image_s_own_border_cuts_nothing():
     """Two objects at the right border, each in a tile of its own, one above the other."""
     image = picture((190, 20, 200, 58), (190, 62, 200, 100))
-    two = Tiles(np.array([[0, 0, 200, 60], [0, 60, 200, 120]]))
-    assert len(OnTiles(bright).detect(image, two)) == 2
+    rows = Tiles(np.array([[0, 0, 200, 60], [0, 60, 200, 120]]))
+    assert len(OnTiles(bright).detect(image, rows)) == 2
+    overlapping = Tiles(np.array([[0, 0, 200, 70], [0, 10, 200, 120]]))
+    assert len(two((100, 20, 200, 60), (190, 30, 200, 60), tiles=overlapping)) == 2
 
 
 def two(a, b, *, labels=("x", "x"), scores=(0.5, 0.9), tiles=ALL):

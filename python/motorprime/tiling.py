@@ -185,7 +185,7 @@ def _attended(landscape: Attendable, fraction: float | None) -> NDArray[np.bool_
         raise ArgumentError("landscape: at least one positive pixel expected, all are 0")
     values: NDArray[np.floating[Any]] = landscape  # type: ignore[assignment]  # its dtype says so
     level = _core.threshold(values, 1.0 if fraction is None else fraction, None, "select", 1)
-    return np.asarray((values >= level) & (values > 0.0))
+    return np.asarray(values >= level)  # which is above 0
 
 
 def _frame(halo: int, align: int) -> tuple[int, int]:

@@ -71,11 +71,11 @@ class OnnxDetector:
         if channels not in ("rgb", "bgr"):
             raise ArgumentError(f"channels: 'rgb' or 'bgr' expected, got {channels!r}")
         self.layout, self.channels, self.overlap = layout, channels, check_overlap(overlap)
-        self.mean, self.scale = _three("mean", mean), _three("scale", scale)
+        self.mean, self.scale = per_channel("mean", mean), per_channel("scale", scale)
         self.halo, self.align = integer("halo", halo, at_least=0), integer("align", align, at_least=1)
         self.batch = integer("batch", batch, at_least=1)
-        self._session = _load(Path(model), integer("threads", threads, at_least=0))
-        self._input, fixed = _check_input(self._session.get_inputs())
+        self._session = load_session(Path(model), integer("threads", threads, at_least=0))
+        self._input, fixed = check_input(self._session.get_inputs())
         self._output = _choose_output(self._session.get_outputs(), layout)
         if isinstance(fixed[0], int):
             self.batch = min(self.batch, fixed[0])
@@ -160,7 +160,13 @@ def _cut(found: Detections, size: tuple[int, ...]) -> Detections:
     return Detections(boxes[kept], found.scores[kept], tuple(found.labels[k] for k in kept))
 
 
-def _load(path: Path, threads: int) -> Any:
+def load_session(path: Path, threads: int) -> Any:
+    """The runtime's session of a model.
+
+    Raises:
+        ArgumentError: the file is no ONNX model.
+        MissingExtraError: onnxruntime is not installed.
+    """
     try:
         import onnxruntime
     except ImportError:
@@ -180,14 +186,15 @@ def _load(path: Path, threads: int) -> Any:
         ) from None
 
 
-def _three(name: str, value: npt.ArrayLike) -> Floats:
+def per_channel(name: str, value: npt.ArrayLike) -> Floats:
+    """One number, or one for each channel, as (3,)."""
     array = finite(name, numbers(name, value))
     if array.shape not in ((), (3,)):
         raise ArgumentError(f"{name}: one number or 3 expected, got shape {array.shape}")
     return np.broadcast_to(array, (3,))
 
 
-def _check_input(inputs: Sequence[Any]) -> tuple[str, list[Any]]:
+def check_input(inputs: Sequence[Any]) -> tuple[str, list[Any]]:
     """Name and shape of the one input (N, 3, H, W)."""
     images = [one for one in inputs if one.type == "tensor(float)" and len(one.shape) == 4]
     if (
@@ -195,7 +202,7 @@ def _check_input(inputs: Sequence[Any]) -> tuple[str, list[Any]]:
         or not images
         or not (images[0].shape[1] == 3 or not isinstance(images[0].shape[1], int))
     ):
-        raise ArgumentError(f"model: one input (N, 3, H, W) of floats expected, found {_listed(inputs)}")
+        raise ArgumentError(f"model: one input (N, 3, H, W) of floats expected, found {listed(inputs)}")
     return images[0].name, list(images[0].shape)
 
 
@@ -208,8 +215,9 @@ def _choose_output(outputs: Sequence[Any], layout: Layout) -> str:
     for one in outputs:
         if one.type == "tensor(float)" and layout.fits(one.shape):
             return str(one.name)
-    raise ArgumentError(f"model: an output {layout.says} of floats expected, found {_listed(outputs)}")
+    raise ArgumentError(f"model: an output {layout.says} of floats expected, found {listed(outputs)}")
 
 
-def _listed(arguments: Sequence[Any]) -> str:
+def listed(arguments: Sequence[Any]) -> str:
+    """Inputs or outputs of a model, in words."""
     return ", ".join(f"'{one.name}' {tuple(one.shape)} {one.type}" for one in arguments) or "none"
