@@ -79,3 +79,14 @@ def _value(name: str, shape: Sequence[int | str]) -> bytes:
         _field(1, _number(1, side) if isinstance(side, int) else _field(2, side.encode())) for side in shape
     )
     return _field(1, name.encode()) + _field(2, _field(1, _number(1, FLOAT) + _field(2, sides)))
+
+
+def reader_network(characters: str | None = "A", classes: int = 3) -> bytes:
+    """(N, 3, 48, W) -> the mean of each column's channels (N, W, 3): blue is blank, green A, red a space."""
+    nodes = _node("ReduceMean", ["image"], "columns", axes=[2], keepdims=0)
+    nodes += _node("Transpose", ["columns"], "likely", perm=[0, 2, 1])
+    image = _value("image", ("n", 3, 48, "w"))
+    model = _model(nodes, b"", image, _field(12, _value("likely", ("n", "w", classes))))
+    if characters is not None:
+        model += _field(14, _field(1, b"character") + _field(2, characters.encode()))
+    return model
