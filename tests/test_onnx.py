@@ -151,6 +151,8 @@ def test_of_overlapping_boxes_of_a_class_the_best_stays():
     assert len(RowBoxes(("a", "b"), overlap=0.9).read(rows, (64, 64))) == 3
     assert len(layout.read(np.zeros((0, 7), np.float32), (64, 64))) == 0
     assert seen.boxes[0].tolist() == [6, 6, 14, 14]
+    at_border = np.array([[62, 1, 8, 8, 1, 0.9, 0]], np.float32)
+    assert layout.read(at_border, (64, 64)).boxes.tolist() == [[58, 0, 64, 5]]
 
 
 def test_a_batch_gives_what_single_tiles_give(write):
