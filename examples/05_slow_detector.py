@@ -39,7 +39,7 @@ def main() -> None:
     """Detect everywhere and where the hand will be."""
     image = picture(np.random.default_rng(3))
     plan = np.linspace((120.0, 330.0), (480.0, 175.0), 60)  # projected points (u, v) of the planned path
-    look = mp.attention.Look(mp.kernel_landscape(plan, (480, 640), width=60.0))
+    look = mp.Look(mp.kernel_landscape(plan, (480, 640), width=60.0))
 
     detector = mp.Guarded(mp.OnTiles(slow, halo=16))  # a frame in which it fails does not end the loop
     where = look.mask(fraction=0.1)

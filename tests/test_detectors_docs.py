@@ -19,7 +19,7 @@ def test_a_detector_of_one_s_own_is_wrapped_as_it_says(capsys):
     image[100:110, 150:170] = (230, 10, 10)
     image[10:20, 10:20] = (230, 10, 10)
     path = np.array([[80.0, 60.0], [160.0, 105.0]], np.float32)
-    look = mp.attention.Look(mp.kernel_landscape(path, (240, 320), width=40.0))
+    look = mp.Look(mp.kernel_landscape(path, (240, 320), width=40.0))
     scope = {"image": image, "look": look}
     exec(compile(code, "docs/detectors.md", "exec"), scope)
     assert scope["found"].boxes.tolist() == [[150, 100, 170, 110]]

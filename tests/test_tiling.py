@@ -141,7 +141,7 @@ def test_a_path_across_the_image_is_not_one_rectangle():
     path = np.linspace((40.0, 40.0), (600.0, 440.0), 60, dtype=np.float32)
     along = mp.kernel_landscape(path, (480, 640), width=40.0)
     found = regions(along, fraction=0.15)
-    mask = looked_at(mp.attention.Look(along).mask(fraction=0.15), (480, 640))
+    mask = looked_at(mp.Look(along).mask(fraction=0.15), (480, 640))
     check(found, mask, 0, 1)
     whole = regions(along, fraction=0.15, overhead=10**9)
     assert len(whole) == 1
@@ -156,14 +156,14 @@ def test_a_landscape_is_attended_where_its_threshold_says(rng):
     values[20:40, 20:60] += 1.0
     values[:5] = 0.0
     for share in (0.1, 0.3):
-        mask = looked_at(mp.attention.Look(values).mask(fraction=share), values.shape)
+        mask = looked_at(mp.Look(values).mask(fraction=share), values.shape)
         for cover in (regions, lambda where, **options: tiles(where, 8, **options)):
             expected, found = cover(mask), cover(values, fraction=share)
             np.testing.assert_array_equal(found.boxes, expected.boxes)
             np.testing.assert_array_equal(cover(Mask(mask)).boxes, expected.boxes)
             np.testing.assert_array_equal(cover(values.astype(np.float64), fraction=share).boxes, found.boxes)
     assert regions(values).cores.tolist() == [[0, 5, 80, 60]]  # all that is positive
-    look = mp.attention.Look(values)
+    look = mp.Look(values)
     np.testing.assert_array_equal(
         look.regions(fraction=0.1, halo=4, align=8).boxes,
         regions(values, fraction=0.1, halo=4, align=8).boxes,
