@@ -48,5 +48,6 @@ $(READY): pyproject.toml Cargo.toml $(shell find rust/src -name '*.rs' 2>/dev/nu
 	  exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[sim,learn,scale,viz,dev]'
+	$(BIN)/python -m pip install --quiet --editable '.[sim,learn,scale,viz,onnx,dev]'
+	@$(BIN)/python -m motorprime.evaluate.text_model || echo "without the text detector its tests are skipped"
 	@touch $@

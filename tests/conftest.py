@@ -18,6 +18,7 @@ _NEEDS = {
     "learn": ("clarabel", "cvxpy", "duckdb", "joblib", "pyarrow", "scipy", "sklearn"),
     "scale": ("distributed",),
     "viz": ("matplotlib",),
+    "onnx": ("onnxruntime",),
 }
 _REASONS = {
     extra: f"pip install 'motorprime[{extra}]': {', '.join(missing)} not installed"

@@ -122,7 +122,15 @@ def test_what_the_library_needs_beyond_numpy_and_opencv_it_imports_where_it_need
         if isinstance(node, (ast.Import, ast.ImportFrom)) and not getattr(node, "level", 0)
         for alias in node.names
     }
-    extras = {"scipy", "trimesh", "fast_simplification", "matplotlib", "icub_models", "safetensors"}
+    extras = {
+        "scipy",
+        "trimesh",
+        "fast_simplification",
+        "matplotlib",
+        "icub_models",
+        "safetensors",
+        "onnxruntime",
+    }
     assert not top & (
         extras | {"pyarrow", "duckdb", "joblib", "distributed", "dask", "cvxpy", "clarabel", "sklearn"}
     )

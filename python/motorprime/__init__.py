@@ -12,9 +12,20 @@ from .attention import Attention, Look
 from .budget import Budgeted, Glance
 from .camera import Camera, PosedCamera
 from .costs import CostModel, calibrate_costs
-from .detectors import Detections, Detector, Everywhere, HistogramDetector, Mask, Tiles, Windows
-from .detectors.planar import PlanarDetector
-from .detectors.surf import Surf
+from .detectors import (
+    Detections,
+    Detector,
+    Everywhere,
+    Guarded,
+    HistogramDetector,
+    Keypoints,
+    Mask,
+    OnTiles,
+    PlanarDetector,
+    Surf,
+    Tiles,
+    Windows,
+)
 from .errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -32,8 +43,10 @@ from .landscape import (
     gibbs_sample,
     kernel_landscape,
     kernel_landscapes,
+    regions,
     sample,
     threshold,
+    tiles,
 )
 from .looking import Memory, choose_windows
 from .motorplan import motorplan_landscape
@@ -72,9 +85,11 @@ __all__ = [
     "Error",
     "Everywhere",
     "Glance",
+    "Guarded",
     "HandMap",
     "HistogramDetector",
     "HybridProjection",
+    "Keypoints",
     "KinematicProjection",
     "Look",
     "Mask",
@@ -83,6 +98,7 @@ __all__ = [
     "Mlp",
     "NeuralProjection",
     "NotInViewError",
+    "OnTiles",
     "PeripersonalModel",
     "PinholeProjection",
     "PlanarDetector",
@@ -115,6 +131,8 @@ __all__ = [
     "motorplan_landscape",
     "read_recording",
     "read_table",
+    "regions",
     "sample",
     "threshold",
+    "tiles",
 ]

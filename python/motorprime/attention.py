@@ -13,9 +13,9 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from ._arrays import Floats
-from .detectors.base import Mask, Windows
+from .detectors.base import Mask, Tiles, Windows
 from .errors import ArgumentError, ArgumentTypeError, NotInViewError, StateError
-from .landscape import KernelName, gaussian_landscape, gibbs_sample, threshold
+from .landscape import KernelName, gaussian_landscape, gibbs_sample, regions, threshold
 from .motorplan import motorplan_landscape, pixel_landscapes
 from .peripersonal import ProjectedGaussian, ReachCloud, fit_peripersonal
 from .peripersonal_model import PeripersonalModel
@@ -71,6 +71,14 @@ class Look:
         """
         level = threshold(self.landscape, fraction=fraction, count=count)
         return Mask((self.landscape >= level) & (self.landscape > 0.0))
+
+    def regions(self, *, fraction: float | None = None, halo: int = 0, align: int = 1) -> Tiles:
+        """Rectangles over the most relevant pixels that are cheap to read; see :func:`regions`.
+
+        Raises:
+            ArgumentError: the landscape is zero everywhere, or a number is outside its domain.
+        """
+        return regions(self.landscape, fraction=fraction, halo=halo, align=align)
 
 
 class Attention:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from . import _core
 from .errors import ArgumentError, ArgumentTypeError
+from .tiling import regions, tiles
 
 __all__ = [
     "gaussian_landscape",
@@ -28,8 +29,10 @@ __all__ = [
     "gibbs_sample",
     "kernel_landscape",
     "kernel_landscapes",
+    "regions",
     "sample",
     "threshold",
+    "tiles",
 ]
 
 Numbers: TypeAlias = npt.NDArray[np.floating[Any]] | Sequence[float]
