@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import reference
 from motorprime import Surf
-from motorprime.detectors.surf import KEYPOINT
+from motorprime.detectors.surf import SURF_KEYPOINT
 from motorprime.errors import ArgumentError, ArgumentTypeError, Error
 from motorprime.evaluate.surf import golden_files
 from motorprime.evaluate.surf_pairs import agreement
@@ -177,7 +177,7 @@ def test_threads_do_not_change_anything(threads):
 def test_the_result_has_its_types_and_the_strongest_come_first():
     for extended, numbers in ((False, 64), (True, 128)):
         keypoints, descriptors = Surf(extended=extended).detect(IMAGE)
-        assert keypoints.dtype == KEYPOINT and descriptors.dtype == np.float32
+        assert keypoints.dtype == SURF_KEYPOINT and descriptors.dtype == np.float32
         assert descriptors.shape == (len(keypoints), numbers) and len(keypoints) > 20
         assert (np.diff(keypoints["response"]) <= 0).all() and (keypoints["response"] > 300).all()
         np.testing.assert_allclose(np.linalg.norm(descriptors, axis=1), 1, atol=1e-5)
@@ -223,7 +223,7 @@ def test_an_empty_mask_and_a_flat_image_have_no_keypoints():
     nothing = np.zeros(IMAGE.shape, bool)
     for image, mask in ((IMAGE, nothing), (np.full(IMAGE.shape, 9, np.uint8), None)):
         keypoints, descriptors = Surf(0.0, extended=True).detect(image, mask)
-        assert keypoints.dtype == KEYPOINT and descriptors.shape == (0, 128) and not len(keypoints)
+        assert keypoints.dtype == SURF_KEYPOINT and descriptors.shape == (0, 128) and not len(keypoints)
 
 
 @pytest.mark.parametrize(

@@ -16,14 +16,15 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import fixed, generator, integer, not_negative
+from ._arrays import generator, integer, not_negative
 from .attention import Look
 from .costs import Clock, CostModel, read_clock
 from .detectors.base import Detections, Detector, Tiles, Where, Windows, check_image
+from .detectors.merging import check_overlap, suppress
 from .errors import ArgumentError, ArgumentTypeError
 from .looking import Strategy
 from .pace import Pace
-from .portions import DrawnWindows, Listed, Portions, TopPixels, check_inside, paint
+from .portions import DrawnWindows, Listed, Portions, TopPixels, paint
 
 By: TypeAlias = Literal["windows", "mask"]
 
@@ -131,11 +132,9 @@ class Budgeted:
             raise ArgumentError(
                 f"strategy: one of {', '.join(get_args(Strategy))} expected, got {strategy!r}"
             )
-        if not 0.0 < float(fixed("overlap", overlap, ())) <= 1.0:
-            raise ArgumentError(f"overlap: a share in (0, 1] expected, got {overlap}")
         self.detector, self.costs = detector, costs
         self.pace = pace or Pace()
-        self._clock, self._by, self._overlap = clock, by, overlap
+        self._clock, self._by, self._overlap = clock, by, check_overlap(overlap)
         self._strategy: Strategy = strategy
         self._size, self._seed = integer("size", size, at_least=1), generator(seed)
 
@@ -196,8 +195,7 @@ class Budgeted:
             look.corners(shape)
             return Listed(look)
         if isinstance(look, Tiles):
-            check_inside(look, shape)
-            return Listed(look)
+            return Listed(look.within(shape))
         if not isinstance(look, Look):
             raise ArgumentTypeError(f"look: a Look, Windows or Tiles expected, got {type(look).__name__}")
         if look.landscape.shape != shape:
@@ -227,27 +225,19 @@ def _checked(found: object) -> Detections:
 
 
 def _together(found: list[Detections], overlap: float) -> Detections:
-    """All of them; of boxes of one label that overlap, the one with the best score."""
+    """All of them, the best first; of boxes of one label that overlap, the one with the best score."""
     boxes = np.concatenate([np.zeros((0, 4), np.float32), *(one.boxes for one in found)])
     scores = np.concatenate([np.zeros(0, np.float32), *(one.scores for one in found)])
-    labels = [label for one in found for label in one.labels]
-    kept: list[int] = []
-    for k in np.argsort(-scores, kind="stable").tolist():
-        rivals = boxes[[other for other in kept if labels[other] == labels[k]]]
-        if not (_overlaps(boxes[k], rivals) >= overlap).any():
-            kept.append(k)
+    labels = np.array([label for one in found for label in one.labels], dtype=object)
+    alike = [np.flatnonzero(labels == label) for label in dict.fromkeys(labels.tolist())]
+    kept = np.concatenate(
+        [np.zeros(0, np.intp), *(part[suppress(boxes[part], scores[part], overlap)] for part in alike)]
+    )
+    kept = np.sort(kept)
+    kept = kept[np.argsort(-scores[kept], kind="stable")]
     return Detections(
         boxes=boxes[kept],
         scores=scores[kept],
-        labels=tuple(labels[k] for k in kept),
+        labels=tuple(labels[kept].tolist()),
         attended=sum(one.attended for one in found),
     )
-
-
-def _overlaps(box: NDArray[np.float32], others: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Intersection over union of a box (4,) with others (N, 4)."""
-    sides = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
-    shared = np.maximum(sides, 0.0).prod(axis=1)
-    areas = (others[:, 2:] - others[:, :2]).prod(axis=1) + (box[2:] - box[:2]).prod()
-    overlaps: NDArray[np.float32] = shared / np.maximum(areas - shared, 1e-9)
-    return overlaps

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from .attention import Look
 from .costs import CostModel
 from .detectors.base import Mask, Tiles, Where, Windows
-from .errors import ArgumentError
 from .looking import Strategy, choose_windows
 
 MOST = 4096  # windows of one portion
@@ -121,31 +120,15 @@ class Listed:
 
 
 def most_relevant_first(tiles: Tiles, look: Look) -> Tiles:
-    """Tiles ordered by the mean of the landscape inside, the largest first.
+    """Tiles ordered by the mean of the landscape inside what counts of them, the largest first.
 
     Raises:
         ArgumentError: a tile is empty or not inside the image.
     """
-    boxes = check_inside(tiles, look.landscape.shape)
+    height, width = look.landscape.shape
+    boxes = tiles.within((height, width)).counted
     means = [look.landscape[v0:v1, u0:u1].mean(dtype=np.float64) for u0, v0, u1, v1 in boxes]
     return _tiles(tiles, np.argsort(-np.array(means), kind="stable"))
-
-
-def check_inside(tiles: Tiles, shape: tuple[int, ...]) -> NDArray[np.int32]:
-    """The boxes (N, 4) of tiles that have pixels and lie in an image of ``shape`` (height, width).
-
-    Raises:
-        ArgumentError: the first that has none or does not is named.
-    """
-    height, width = shape
-    boxes = np.asarray(tiles.boxes)
-    bad = (boxes[:, :2] < 0) | (boxes[:, 2:] > (width, height)) | (boxes[:, :2] >= boxes[:, 2:])
-    if bad.any():
-        k = int(bad.any(axis=1).argmax())
-        raise ArgumentError(
-            f"boxes[{k}]: pixels of an image of {width} x {height} expected, got {boxes[k].tolist()}"
-        )
-    return boxes
 
 
 def paint(looks: tuple[Where, ...], shape: tuple[int, int]) -> NDArray[np.bool_]:

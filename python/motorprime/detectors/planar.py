@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from .._arrays import Floats, fixed, integer, positive
 from ..camera import Camera
 from ..errors import ArgumentError, ArgumentTypeError, StateError
-from .base import Detections, Everywhere, Mask, Tiles, Where, Windows, check_image
+from ..tiling import looked_at
+from .base import Detections, Where, check_image
 from .surf import Surf
 
 CONFIDENCE, ITERATIONS = 0.999, 2000  # of RANSAC
@@ -94,7 +95,7 @@ class PlanarDetector:
         Raises:
             ArgumentError, ArgumentTypeError: as for :meth:`find`.
         """
-        mask = _mask(check_image(image), where)
+        mask = looked_at(where, check_image(image).shape[:2])
         attended = image.shape[0] * image.shape[1] if mask is None else int(np.count_nonzero(mask))
         seen = self._find(image, mask)
         if seen is None:
@@ -113,7 +114,7 @@ class PlanarDetector:
             ArgumentError: the image or ``where`` has the wrong shape.
             ArgumentTypeError: the image is not uint8, or ``where`` is none of the four.
         """
-        return self._find(image, _mask(check_image(image), where))
+        return self._find(image, looked_at(where, check_image(image).shape[:2]))
 
     def pose(self, sighting: PlanarSighting, size: npt.ArrayLike, camera: Camera) -> Floats:
         """Pose (4, 4) of the object in the camera frame.
@@ -200,26 +201,3 @@ def _is_front(corners: Floats) -> bool:
     sides = np.roll(corners, -1, axis=0) - corners
     following = np.roll(sides, -1, axis=0)
     return bool((sides[:, 0] * following[:, 1] - sides[:, 1] * following[:, 0] > 1.0).all())
-
-
-def _mask(image: NDArray[np.uint8], where: Where) -> NDArray[np.bool_] | None:
-    """The pixels to look at; None is all of them."""
-    height, width = shape = image.shape[:2]
-    if isinstance(where, Everywhere):
-        return None
-    if isinstance(where, Mask):
-        if where.mask.shape != shape:
-            raise ArgumentError(f"mask: shape ({height}, {width}) expected, got {where.mask.shape}")
-        return where.mask
-    mask = np.zeros(shape, dtype=np.bool_)
-    if isinstance(where, Windows):
-        for u, v in where.corners((height, width)):
-            mask[v : v + where.size, u : u + where.size] = True
-    elif isinstance(where, Tiles):
-        for u0, v0, u1, v1 in np.maximum(where.boxes, 0):
-            mask[v0:v1, u0:u1] = True
-    else:
-        raise ArgumentTypeError(
-            f"where: Everywhere, Mask, Windows or Tiles expected, got {type(where).__name__}"
-        )
-    return mask

@@ -17,19 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
+from .keypoints import KEYPOINT
 
-KEYPOINT = np.dtype(
-    [
-        ("u", np.float32),
-        ("v", np.float32),
-        ("size", np.float32),
-        ("angle", np.float32),
-        ("response", np.float32),
-        ("octave", np.int32),
-        ("laplacian", np.int32),
-    ]
-)
-"""A keypoint: centre (u, v) [px], side of its filter [px], direction [rad], strength, octave, sign."""
+SURF_KEYPOINT = np.dtype([*KEYPOINT.descr, ("laplacian", np.int32)])
+"""A keypoint whose ``size`` is the side of its filter; ``laplacian`` is the sign of the blob."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +65,7 @@ class Surf:
                 is smaller than a filter.
 
         Returns:
-            Keypoints (N,) of dtype :data:`KEYPOINT`, the strongest first, and descriptors of length 1,
+            Keypoints (N,) of dtype :data:`SURF_KEYPOINT`, the strongest first, and descriptors of length 1,
             (N, 64) or (N, 128) float32. ``angle`` is that of the gradient, from the u axis towards the v
             axis, in [0, 2 pi); a Gaussian as wide as the filter has a standard deviation of 1.2 / 9 of
             ``size``; ``laplacian`` is 1 for dark blobs on bright ground and -1 for bright ones.
@@ -93,7 +84,7 @@ class Surf:
             self.extended,
             self.threads,
         )
-        keypoints = np.empty(len(numbers), dtype=KEYPOINT)
+        keypoints = np.empty(len(numbers), dtype=SURF_KEYPOINT)
         for at, name in enumerate(("u", "v", "size", "angle", "response")):
             keypoints[name] = numbers[:, at]
         keypoints["octave"], keypoints["laplacian"] = signs[:, 0], signs[:, 1]
