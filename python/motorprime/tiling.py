@@ -145,7 +145,13 @@ def reading(where: Where, shape: tuple[int, int], *, halo: int = 0, align: int =
         return regions(where.within(shape), halo=halo, align=align)
     if isinstance(where, Windows):
         return regions(_windows(where, shape), halo=halo, align=align)
-    raise ArgumentTypeError(f"where: Everywhere, Mask, Windows or Tiles expected, got {type(where).__name__}")
+    raise _no_place(where)
+
+
+def _no_place(where: object) -> ArgumentTypeError:
+    return ArgumentTypeError(
+        f"where: Everywhere, Mask, Windows or Tiles expected, got {type(where).__name__}"
+    )
 
 
 def looked_at(where: Where, shape: tuple[int, int]) -> NDArray[np.bool_] | None:
@@ -154,7 +160,11 @@ def looked_at(where: Where, shape: tuple[int, int]) -> NDArray[np.bool_] | None:
         return None
     if isinstance(where, Mask):
         return where.within(shape)
-    return _windows(where, shape) if isinstance(where, Windows) else paint(where.within(shape).counted, shape)
+    if isinstance(where, Tiles):
+        return paint(where.within(shape).counted, shape)
+    if isinstance(where, Windows):
+        return _windows(where, shape)
+    raise _no_place(where)
 
 
 def grow(boxes: Pixels, shape: tuple[int, ...], *, halo: int, align: int) -> Pixels:
