@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from .._arrays import Floats, fixed, integer, positive, rigid
 from ..errors import StateError, UnreachableError
 from .cds import CoupledDynamics
 from .gaze import fixate
-from .motion import Motion
+from .motion import Leg, Motion
 from .movement import State
 from .pose import PoseSolver
 from .side_grasp import SIDE_GRASP, SideGrasp
@@ -33,6 +34,8 @@ STRIDE, TURN = 0.03, 0.25  # of the palm [m] and [rad], after which the arm is t
 AWRY = 0.05  # so far off [m] the palm may be on the way: what matters there is what the arm keeps off,
 GRAZE = 0.004  # its margins but for so much [m],
 CLOSE = 0.005  # and that the palm gets there in the end [m]
+DRAWN = 1000.0  # how much more a rehearsed posture draws than a comfortable one does
+CALM = 0.06  # so near [m] to the end of the leg before the last the pose counts as much as what is kept off
 LEAP = 1.5  # between two tries no joint turns farther [rad]
 
 
@@ -45,8 +48,10 @@ class Controller:
         grasp: says how far the hand may be closed at a distance from its goal.
 
     Attributes:
-        careful: inverse kinematics for all legs of a motion but the last, on which the target, too, must not
+        careful: inverse kinematics for the end of the leg before the last, on which the target, too, must not
             be touched; ``arm`` at first.
+        wary: for all the way before that, on which it matters more to keep off things than where the palm
+            is; ``arm`` at first.
         state: where eyes, palm and hand are commanded to be.
         angles: of torso and arm (n,) [rad], as commanded.
         slim: how far the hand is in its slim shape, 0 to 1.
@@ -54,7 +59,7 @@ class Controller:
     """
 
     def __init__(self, dynamics: CoupledDynamics, arm: PoseSolver, grasp: SideGrasp = SIDE_GRASP) -> None:
-        self.dynamics, self.arm, self.careful = dynamics, arm, arm
+        self.dynamics, self.arm, self.careful, self.wary = dynamics, arm, arm, arm
         self.grasp, self.robot = grasp, arm.robot
         self.state: State | None = None
         self.angles: Floats = arm.rest
@@ -116,7 +121,7 @@ class Controller:
                 motion = motion.advance(self.palm if len(motion.legs) <= 2 else self._state().palm)
             for _ in range(parts):
                 self.state = self.dynamics.step(self._state(), motion.legs[0].goal, period / parts)
-            self._follow(self.arm if len(motion.legs) == 1 else self.careful, period)
+            self._follow(self._arm_for(motion.legs, self.palm), period)
             commands.append(dict(zip(self.arm.names, map(float, self.angles), strict=True)))
             if self.robot.hand is not None:
                 leg, change = motion.legs[0], period / THINNING
@@ -155,7 +160,8 @@ class Controller:
         angles, off = self.angles, np.inf
         marks, postures = _milestones(palms), []
         for k in marks:
-            arm = self.careful if k < motion.begins[-1] else self.arm
+            leg = int(np.searchsorted(motion.begins, k, side="right")) - 1
+            arm = self._arm_for(motion.legs[leg:], palms[k])
             found = arm.nearest(palms[k], angles, hold=hold, restarts=0)
             leap, off = float(np.abs(found.angles - angles).max()), found.position_error
             if off > AWRY or found.depth > GRAZE or leap > LEAP:
@@ -166,6 +172,13 @@ class Controller:
             return False
         self._rehearsed = palms[marks], np.array(postures)
         return True
+
+    def _arm_for(self, legs: Sequence[Leg], palm: Floats) -> PoseSolver:
+        """What is to be heeded with these legs left and the palm (4, 4) there."""
+        if len(legs) == 1:
+            return self.arm
+        near = len(legs) == 2 and np.linalg.norm(palm[:3, 3] - legs[0].goal.palm[:3, 3]) < CALM
+        return self.careful if near else self.wary
 
     def _preferred(self) -> Floats | None:
         """The rehearsed posture for what comes next; None where nothing has been rehearsed."""
@@ -190,7 +203,9 @@ class Controller:
 
     def _follow(self, arm: PoseSolver, period: float) -> None:
         state = self._state()
-        found = arm.follow(state.palm, self.angles, step=JOINT_SPEED * period, hold=self._preferred())
+        rehearsed = self._preferred()
+        drawn = DRAWN if rehearsed is not None and arm is self.wary else 1.0
+        found = arm.follow(state.palm, self.angles, step=JOINT_SPEED * period, hold=rehearsed, drawn=drawn)
         self.angles = found.angles
         if found.position_error > LEAD:
             palm, there = state.palm.copy(), self.arm.palm(self.angles)

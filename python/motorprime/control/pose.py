@@ -214,6 +214,7 @@ class PoseSolver:
         *,
         step: npt.ArrayLike,
         hold: npt.ArrayLike | None = None,
+        drawn: float = 1.0,
         turning: npt.ArrayLike = (1.0, 1.0, 1.0),
         iterations: int = FOLLOW_STEPS,
     ) -> PoseSolution:
@@ -227,9 +228,12 @@ class PoseSolver:
             angles: (n,) [rad] the last ones; where they are beyond the limits, they may come back slowly.
             step: largest change [rad], of all joints or (n,) of each: the largest speed times the period.
             hold, turning: as of :meth:`solve`.
+            drawn: factor on how much ``hold`` draws. With hundreds the arm rather comes to that posture than
+                to the pose: a way through postures that are known to be good leads past what a search for
+                each pose by itself gets stuck at.
             iterations: of the search.
         """
-        goal = self._goal(target, hold, turning)
+        goal = replace(self._goal(target, hold, turning), drawn=not_negative("drawn", drawn))
         last = self._angles("angles", angles)
         steps = numbers("step", step)
         steps = fixed("step", np.full(last.shape, steps) if steps.ndim == 0 else steps, last.shape)
@@ -289,16 +293,17 @@ class PoseSolver:
         posture = self.arm.at(angles)
         linear, angular = posture.palm_jacobian
         turned = _turned(goal.palm, posture.palm)
+        comfort = goal.drawn * self._comfort
         place, turning = firmness * POSITION, firmness * TURN * goal.turning
         residuals = [
             place * (posture.palm[:3, 3] - goal.palm[:3, 3]),
             turning * turned,
-            self._comfort * (angles - goal.hold),
+            comfort * (angles - goal.hold),
         ]
         rows = [
             place * linear,
             turning[:, None] * (_inverse_right_jacobian(turned) @ posture.palm[:3, :3].T @ angular),
-            np.diag(self._comfort),
+            np.diag(comfort),
         ]
         if not self._clearance.idle:
             depths, slopes = self._clearance.depths(posture)
@@ -313,11 +318,15 @@ class PoseSolver:
 
 @dataclass(frozen=True, eq=False)
 class _Goal:
-    """What one search is after: the palm (4, 4), the preferred angles (n,), the weights of rotations (3,)."""
+    """What one search is after: the palm (4, 4), the preferred angles (n,), the weights of rotations (3,).
+
+    ``drawn`` is a factor on how much the preferred angles draw.
+    """
 
     palm: Floats
     hold: Floats
     turning: Floats
+    drawn: float = 1.0
 
 
 def _narrowed(robot: Robot, names: tuple[str, ...], torso: float) -> Floats:

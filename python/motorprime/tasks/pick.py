@@ -146,7 +146,8 @@ class Pick(Seeker):
         self._target = Obstacle(self.target.shape, self.estimate)
         arm = self.controller.arm
         self.controller.arm = arm.over(self.bench, self._avoided)
-        self.controller.careful = arm.over(self.bench, [*self._avoided, self._target], wary=WARY)
+        self.controller.careful = arm.over(self.bench, [*self._avoided, self._target])
+        self.controller.wary = arm.over(self.bench, [*self._avoided, self._target], wary=WARY)
 
     def _legs(self) -> tuple[Leg, Leg]:
         """To pre-grasp and grasp, moved with the target by what little it has since the grasp was chosen."""
