@@ -231,7 +231,7 @@ def test_tiles_are_ordered_by_how_relevant_their_pixels_are():
     boxes = np.array([[0, 100, 20, 120], [50, 40, 70, 60], [80, 60, 120, 100], [0, 0, 160, 120]])
     ordered = most_relevant_first(Tiles(boxes), LOOK)
     assert ordered.boxes.tolist() == boxes[[1, 2, 3, 0]].tolist()
-    with pytest.raises(ArgumentError, match=r"boxes\[1\]: pixels of an image of 160 x 120 expected"):
+    with pytest.raises(ArgumentError, match=r"boxes\[1\]: pixels .* of an image of 160 x 120 expected"):
         most_relevant_first(Tiles(np.array([[0, 0, 5, 5], [0, 0, 161, 5]])), LOOK)
 
 

@@ -288,7 +288,8 @@ def _check_the_story(history):
     assert phases[-4:] == ["survey", "reach", "grasp", "lift"]
     reach = [record for record in history if record["phase"] == "reach"]
     assert all(record["obstacles"] for record in reach)
-    assert [len(record["legs"]) for record in reach] == sorted((len(r["legs"]) for r in reach), reverse=True)
+    assert len(reach[0]["legs"]) > 1
+    assert len(reach[-1]["legs"]) == 1
     assert reach[0]["opening"] > 0.9 > 0.0 > history[-1]["opening"]
 
 

@@ -10,7 +10,9 @@ from motorprime import shipped
 from motorprime.control.clearance import Obstacle
 from motorprime.control.controller import (
     AWRY,
+    CALM,
     CLOSE,
+    DRAWN,
     FOLDED,
     GRAZE,
     JOINT_SPEED,
@@ -88,9 +90,9 @@ class Recording:
     def __getattr__(self, attribute):
         return getattr(self._solver, attribute)
 
-    def follow(self, target, angles, *, step, hold=None):
-        self._calls.append((self._name, hold))
-        return self._solver.follow(target, angles, step=step, hold=hold)
+    def follow(self, target, angles, *, step, hold=None, drawn=1.0):
+        self._calls.append((self._name, hold, drawn))
+        return self._solver.follow(target, angles, step=step, hold=hold, drawn=drawn)
 
 
 def drive(controller, motion, seconds, each=lambda motion: None):
@@ -273,19 +275,37 @@ def test_an_arm_that_is_too_slow_for_its_plan_is_waited_for(arm, start, postures
     assert ahead[-1] < 0.003
 
 
-def test_careful_holds_on_all_legs_but_the_last(arm, start, postures):
+def test_wary_on_the_way_careful_before_the_grasp_and_then_neither(arm, start, postures):
     """The glass itself stands in the way of a first leg that leads through it, and not of the last."""
-
-    dynamics, calls = simple(), []
-    controller = begun(arm, start, dynamics)
-    controller.arm = Recording("arm", arm, calls)
-    controller.careful = Recording("careful", arm, calls)
+    dynamics, calls, before = simple(), [], arm.palm(postures[0])[:3, 3]
+    controller, left = begun(arm, start, dynamics), []
+    for name in ("arm", "careful", "wary"):
+        setattr(controller, name, Recording(name, arm, calls))
     motion = simulate(dynamics, controller.state, legs(arm, postures))
-    left, _ = drive(controller, motion, 4.0)
-    assert len(left.legs) == 1
-    used = [name for name, _ in calls]
-    assert set(used) == {"arm", "careful"}
-    assert used == sorted(used, reverse=True)  # careful first, and never again
+    while len(motion.legs) == 2:
+        left.append(np.linalg.norm(controller.palm[:3, 3] - before))
+        motion, _ = controller.advance(motion, PERIOD / STEPS, steps=1)
+    drive(controller, motion, 1.0)
+    used = [name for name, _, _ in calls]
+    assert list(dict.fromkeys(used)) == ["wary", "careful", "arm"]
+    assert used == sorted(used, key=["wary", "careful", "arm"].index)  # and never again
+    at = used.index("careful")
+    assert left[at] < CALM <= left[at - 1]
+    assert {drawn for _, _, drawn in calls} == {1.0}  # nothing was rehearsed
+
+
+def test_a_rehearsed_posture_draws_the_wary_arm_and_no_other(arm, start, postures, learned):
+    calls = []
+    controller = begun(arm, start, learned)
+    motion = simulate(learned, controller.state, legs(arm, postures))
+    assert controller.rehearse(motion, hold=postures[1])
+    for name in ("arm", "careful", "wary"):
+        setattr(controller, name, Recording(name, arm, calls))
+    drive(controller, motion, 7.0)
+    drawn = {
+        name: {share for other, _, share in calls if other == name} for name in ("wary", "careful", "arm")
+    }
+    assert drawn == {"wary": {DRAWN}, "careful": {1.0}, "arm": {1.0}}
 
 
 # The slim hand.
@@ -389,9 +409,9 @@ def test_what_was_rehearsed_is_preferred_on_the_way_until_a_new_beginning(arm, s
     controller = begun(arm, start, learned)
     motion = simulate(learned, controller.state, legs(arm, postures))
     assert controller.rehearse(motion, hold=postures[1])
-    controller.arm = controller.careful = Recording("arm", arm, calls)
+    controller.arm = controller.careful = controller.wary = Recording("arm", arm, calls)
     drive(controller, motion, 7.0)
-    held = np.array([hold for _, hold in calls])
+    held = np.array([hold for _, hold, _ in calls])
     palms = np.array([arm.palm(hold) for hold in held])
     ends = [arm.palm(angles)[:3, 3] for angles in (start, postures[1])]
     assert np.linalg.norm(palms[0, :3, 3] - ends[0]) < 0.1
@@ -402,7 +422,7 @@ def test_what_was_rehearsed_is_preferred_on_the_way_until_a_new_beginning(arm, s
     calls.clear()
     controller.begin(start, arm.robot.resting(arm.robot.gaze), GLASS, 1.0)
     drive(controller, motion, 0.1)
-    assert {hold for _, hold in calls} == {None}
+    assert {hold for _, hold, _ in calls} == {None}
 
 
 @pytest.mark.parametrize("place", [(-0.7, 0.1, 0.0), (-0.28, 0.10, -0.25), (0.5, 0.0, 0.3)])
@@ -416,7 +436,8 @@ def test_one_that_leads_out_of_reach_or_through_the_bench_fails_it(arm, start, l
 def test_one_whose_end_stands_in_the_way_fails_it(arm, start, postures, learned):
     controller = begun(arm, start, learned)
     motion = simulate(learned, controller.state, legs(arm, postures))
-    controller.arm = controller.careful = arm.over(BENCH, [Obstacle(Cylinder(0.05, 0.2), GLASS)])
+    blocked = arm.over(BENCH, [Obstacle(Cylinder(0.05, 0.2), GLASS)])
+    controller.arm = controller.careful = controller.wary = blocked
     assert not controller.rehearse(motion)
 
 
@@ -448,24 +469,24 @@ def test_a_rehearsal_forgives_so_much_and_no_more(arm, start, postures, learned,
     for share, passed in ((0.99, True), (1.01, False)):
         scripted = Scripted(arm, **{lack: share * limit})
         scripted._arm = SimpleNamespace(goal=motion.simulated.path[-1], palm=arm.palm)
-        controller.arm = controller.careful = scripted
+        controller.arm = controller.careful = controller.wary = scripted
         assert controller.rehearse(motion) is passed
 
 
-def test_what_the_careful_arm_keeps_off_on_the_way_fails_it(arm, start, postures, learned):
+def test_what_the_wary_arm_keeps_off_on_the_way_fails_it(arm, start, postures, learned):
     controller = begun(arm, start, learned)
     motion = simulate(learned, controller.state, legs(arm, postures))
     midway = motion.simulated.path[motion.begins[1] // 3]
-    careful = arm.over(BENCH, [Obstacle(Cylinder(0.06, 0.3), midway)])
+    wary = arm.over(BENCH, [Obstacle(Cylinder(0.06, 0.3), midway)])
     assert controller.rehearse(motion, hold=postures[1])
-    controller.careful = careful
+    controller.wary = wary
     assert not controller.rehearse(motion, hold=postures[1])
 
 
 def test_what_the_careful_arm_keeps_off_does_not_hinder_the_last_leg(arm, start, postures, learned):
     glass = Obstacle(Cylinder(0.0325, 0.10), GLASS)
     controller = begun(arm, start, learned)
-    controller.careful = arm.over(BENCH, [glass])
+    controller.careful = controller.wary = arm.over(BENCH, [glass])
     motion = simulate(learned, controller.state, legs(arm, postures))
     assert controller.rehearse(motion, hold=postures[1])
     controller.arm = controller.careful

@@ -175,6 +175,18 @@ def test_an_obstacle_where_the_elbow_was_makes_the_arm_take_another_way_to_the_s
 
 
 @pytest.mark.sim
+def test_a_posture_that_draws_much_goes_before_the_pose(solver):
+    held = solver.rest + 0.15
+    target = solver.palm(solver.rest)
+    for drawn, nearer in ((0.0, target), (1e5, solver.palm(held))):
+        angles = solver.rest + 0.07
+        for _ in range(30):
+            angles = solver.follow(target, angles, step=0.05, hold=held, drawn=drawn).angles
+        assert np.linalg.norm(solver.palm(angles)[:3, 3] - nearer[:3, 3]) < 0.005
+    with pytest.raises(ArgumentError, match="drawn"):
+        solver.follow(target, solver.rest, step=0.05, drawn=-1.0)
+
+
 def test_a_wary_arm_rather_misses_the_pose_than_come_near(solver):
     target = solver.palm(solver.rest)
     thing = Obstacle(Cylinder(0.03, 0.2), target[:3, 3] + (0.0, 0.05, 0.0))
