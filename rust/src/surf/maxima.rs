@@ -314,4 +314,28 @@ mod tests {
         assert_eq!([0, 1, 2, 3, 4].map(|layer| Filter::size_of(0, layer)), [9, 15, 21, 27, 33]);
         assert_eq!([0, 1, 2, 3, 4].map(|layer| Filter::size_of(2, layer)), [36, 60, 84, 108, 132]);
     }
+    #[test]
+    fn every_row_that_a_filter_around_a_candidate_reads_is_asked_for() {
+        let (surf, shape) = (Surf::new(0.0, 3, 3, false, false).unwrap(), Shape::new(300, 310).unwrap());
+        for v in [0, 20, 97, 150, 222, 299] {
+            let mut mask = vec![false; shape.pixels()];
+            mask[v * 310..][..310].fill(true);
+            let mut pixels = Spans::of(&mask, shape);
+            for index in 0..3 {
+                let octave = Octave::new(&surf, index, shape, &pixels).unwrap();
+                let (rows, reads) = (octave.extent(), octave.reads());
+                for filter in octave.filters.iter().filter(|_| !rows.is_empty()) {
+                    let computed = Border(filter.margin).of(octave.rows);
+                    for i in (rows.start - 1..=rows.end).filter(|i| computed.contains(i)) {
+                        let top = (i - filter.margin) << index;
+                        assert!(
+                            reads.contains(&top) && reads.contains(&(top + filter.size)),
+                            "{v} {index} {i}"
+                        );
+                    }
+                }
+                pixels = pixels.halved();
+            }
+        }
+    }
 }
