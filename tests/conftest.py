@@ -1,9 +1,14 @@
 """What many tests share: the composed robot, and skipping of what cannot run here, with the reason."""
 
 import importlib.util
+import signal
 
 import numpy as np
 import pytest
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    # A shell that starts a run in the background makes it deaf to Ctrl-C, and so the programs tests start.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _installed(module):
