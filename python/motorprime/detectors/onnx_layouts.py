@@ -37,16 +37,16 @@ class Layout(Protocol):
 
 
 @dataclass(frozen=True)
-class RowBoxes:
-    """Boxes as YOLO up to version 5 and 7 writes them: (1, N, 5 + C).
-
-    A row is the box's centre, width and height in pixels of the input, how likely it holds an object, and how
-    likely that is of each class; the score is the product.
+class Boxes:
+    """What every layout of boxes is told.
 
     Args:
         labels: names of the C classes.
         score: weaker boxes are dropped.
         overlap: of boxes of one class that overlap so, intersection over union, the best stays.
+
+    Raises:
+        ArgumentError: no labels, a negative score, or an overlap outside (0, 1].
     """
 
     labels: tuple[str, ...]
@@ -55,6 +55,18 @@ class RowBoxes:
 
     def __post_init__(self) -> None:
         _check_boxes(self.labels, self.score, self.overlap)
+
+
+@dataclass(frozen=True)
+class RowBoxes(Boxes):
+    """Boxes as YOLO up to version 5 and 7 writes them: (1, N, 5 + C).
+
+    A row is the box's centre, width and height in pixels of the input, how likely it holds an object, and how
+    likely that is of each class; the score is the product.
+
+    Args:
+        labels, score, overlap: as of :class:`Boxes`.
+    """
 
     @property
     def says(self) -> str:
@@ -73,23 +85,14 @@ class RowBoxes:
 
 
 @dataclass(frozen=True)
-class ColumnBoxes:
+class ColumnBoxes(Boxes):
     """Boxes as YOLO from version 8 on writes them: (1, 4 + C, N).
 
     A column is the box's centre, width and height in pixels of the input, and the score of each class.
 
     Args:
-        labels: names of the C classes.
-        score: weaker boxes are dropped.
-        overlap: of boxes of one class that overlap so, intersection over union, the best stays.
+        labels, score, overlap: as of :class:`Boxes`.
     """
-
-    labels: tuple[str, ...]
-    score: float = 0.25
-    overlap: float = 0.45
-
-    def __post_init__(self) -> None:
-        _check_boxes(self.labels, self.score, self.overlap)
 
     @property
     def says(self) -> str:
