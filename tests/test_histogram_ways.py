@@ -194,7 +194,10 @@ def test_hits_from_which_nothing_grows_are_not_all_tried(monkeypatch):
 @pytest.mark.parametrize(
     ("box", "message"),
     [
-        ([0, 0, 161, 10], r"boxes\[1\]: 0 <= u0 < u1 <= 160 .* got \[0, 0, 161, 10\]"),
+        (
+            [0, 0, 161, 10],
+            r"boxes\[1\]: pixels u0 < u1, v0 < v1 of .* 160 x 120 expected, got \[0, 0, 161, 10\]",
+        ),
         ([-1, 0, 20, 20], r"boxes\[1\]"),
         ([10, 10, 10, 40], r"boxes\[1\]"),
         ([10, 40, 40, 30], r"boxes\[1\]"),

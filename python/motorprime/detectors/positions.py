@@ -31,8 +31,8 @@ def positions(shape: tuple[int, int], where: Where, size: int, stride: int) -> B
         raise ArgumentError(f"image: {width} x {height} is smaller than the window of {size} px")
     if isinstance(where, Tiles):
         wanted = np.zeros((height - size + 1, width - size + 1), dtype=np.bool_)
-        for k, box in enumerate(np.asarray(where.boxes).tolist()):
-            wanted[_inside(k, box, shape, size, stride)] = True
+        for box in np.asarray(where.within(shape).boxes).tolist():
+            wanted[_inside(box, shape, size, stride)] = True
         return wanted
     if not isinstance(where, Everywhere | Mask):
         raise ArgumentTypeError(
@@ -40,10 +40,8 @@ def positions(shape: tuple[int, int], where: Where, size: int, stride: int) -> B
         )
     wanted = _steps(height - size, stride)[:, None] & _steps(width - size, stride)
     if isinstance(where, Mask):
-        if where.mask.shape != tuple(shape):
-            raise ArgumentError(f"mask: shape ({height}, {width}) expected, got {where.mask.shape}")
         half = size // 2
-        wanted &= where.mask[half : half + wanted.shape[0], half : half + wanted.shape[1]]
+        wanted &= where.within(shape)[half : half + wanted.shape[0], half : half + wanted.shape[1]]
     return wanted
 
 
@@ -54,15 +52,9 @@ def pixels_of(wanted: Bools, size: int) -> Bools:
     return np.asarray(spread, dtype=np.uint8).view(np.bool_)
 
 
-def _inside(
-    k: int, box: list[int], shape: tuple[int, int], size: int, stride: int
-) -> tuple[NDArray[np.intp], ...]:
+def _inside(box: list[int], shape: tuple[int, int], size: int, stride: int) -> tuple[NDArray[np.intp], ...]:
     """Rows and columns of the windows in one tile."""
     u0, v0, u1, v1 = box
-    if not (0 <= u0 < u1 <= shape[1] and 0 <= v0 < v1 <= shape[0]):
-        raise ArgumentError(
-            f"boxes[{k}]: 0 <= u0 < u1 <= {shape[1]} and 0 <= v0 < v1 <= {shape[0]} expected, got {box}"
-        )
     sides = []
     for low, high, length in ((v0, v1, shape[0]), (u0, u1, shape[1])):
         if high - low >= size:
