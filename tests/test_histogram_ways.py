@@ -5,9 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from motorprime import Everywhere, HistogramDetector, Mask, Tiles, Windows
+from motorprime import Everywhere, HistogramDetector, Mask, Tiles, Windows, _core
 from motorprime.detectors import silhouettes
-from motorprime.detectors.colours import NO_BIN, bin_indices, histogram, hsv
+from motorprime.detectors.colours import (
+    BINS,
+    MIN_SATURATION,
+    MIN_VALUE,
+    NO_BIN,
+    bin_indices,
+    histogram,
+    hsv,
+    window_scores,
+)
 from motorprime.errors import ArgumentError, ArgumentTypeError
 from test_detectors import BLUE, DETECTOR, RED, reference_scores, scene
 
@@ -124,11 +133,122 @@ def test_windows_that_were_not_asked_for_score_zero(detector):
 def test_a_pixel_s_index_is_its_bin_of_the_histogram():
     colours = np.random.default_rng(3).integers(0, 256, (50, 200, 3)).astype(np.uint8)
     colours[25:, :, :] //= 8  # about the least value, with every saturation
-    index = bin_indices(hsv(colours))
+    index = bin_indices(colours)
     counts = np.bincount(index[index < NO_BIN], minlength=NO_BIN)
     np.testing.assert_array_equal(counts, histogram(hsv(colours)).ravel())
     grey = np.repeat(np.arange(256, dtype=np.uint8), 3).reshape(16, 16, 3)
-    assert (bin_indices(hsv(grey)) >= NO_BIN).all()
+    assert (bin_indices(grey) == NO_BIN).all()
+
+
+def test_every_colour_there_is_has_the_bin_that_opencv_gives_it():
+    level = np.arange(256, dtype=np.uint8)
+    for red in range(0, 256, 16):
+        cube = np.stack(np.meshgrid(level[red : red + 16], level, level, indexing="ij"), axis=-1)
+        cube = cube.reshape(16 * 256, 256, 3)
+        hue, saturation, value = hsv(cube).astype(int).transpose(2, 0, 1)
+        expected = hue * BINS[0] // 180 * BINS[1] + saturation * BINS[1] // 256
+        expected[(saturation < MIN_SATURATION) | (value < MIN_VALUE)] = NO_BIN
+        np.testing.assert_array_equal(bin_indices(cube), expected)
+
+
+@pytest.mark.parametrize("size", [20, 1, 33])
+def test_some_windows_score_the_bits_that_the_scan_of_the_whole_image_gives_them(size):
+    image, scan = motley(shape=(90, 130)), HistogramDetector(TARGET, way="scan", window=size)
+    everywhere = scan.scores(image)
+    corners = np.random.default_rng(4).integers((0, 0), (131 - size, 91 - size), (40, 2))
+    corners = np.vstack([corners, [[0, 0], [130 - size, 90 - size]]])
+    found = window_scores(image, corners, size, scan.model.ravel())
+    np.testing.assert_array_equal(found, everywhere[corners[:, 1], corners[:, 0]])
+    np.testing.assert_array_equal(
+        found, window_scores(np.asfortranarray(image), corners[:, ::-1][:, ::-1], size, scan.model.ravel())
+    )
+    assert found.dtype == np.float32 and len(np.unique(found)) > 3
+    assert window_scores(image, corners[:0], size, scan.model.ravel()).shape == (0,)
+
+
+def test_pixels_beside_the_windows_do_not_matter():
+    image = motley(shape=(90, 130))
+    corners = np.random.default_rng(4).integers((0, 0), (111, 71), (6, 2))
+    before = window_scores(image, corners, 20, SCAN.model.ravel())
+    beside = np.ones((90, 130), bool)
+    for u, v in corners:
+        beside[v : v + 20, u : u + 20] = False
+    image[beside] = 255 - image[beside]
+    np.testing.assert_array_equal(window_scores(image, corners, 20, SCAN.model.ravel()), before)
+
+
+PICTURE, CORNERS = np.zeros((30, 40, 3), np.uint8), np.zeros((2, 2), np.int32)
+BIN_ARGUMENTS = {"bins": (30, 16), "min_saturation": 70, "min_value": 25}
+
+
+@pytest.mark.parametrize(
+    ("change", "message", "error"),
+    [
+        ({"rgb": PICTURE[..., 0]}, r"rgb must be \(H, W, 3\)", ArgumentError),
+        (
+            {"rgb": np.zeros((30, 40, 4), np.uint8)},
+            r"rgb must be \(H, W, 3\), got \(30, 40, 4\)",
+            ArgumentError,
+        ),
+        ({"rgb": PICTURE.astype(np.uint16)}, "rgb must be an array .* of uint8", ArgumentTypeError),
+        ({"rgb": PICTURE[:0]}, "rgb", ArgumentError),
+        ({"rgb": None}, "rgb", ArgumentTypeError),
+        ({"bins": (0, 16)}, r"bins must be \(hues, saturations\)", ArgumentError),
+        ({"bins": (181, 16)}, "bins", ArgumentError),
+        ({"bins": (30, 257)}, "bins", ArgumentError),
+        ({"bins": 30}, "bins", ArgumentTypeError),
+        ({"min_saturation": 256}, "min_saturation must be at most 255, got 256", ArgumentError),
+        ({"min_value": -1}, "min_value", ArgumentError),
+        ({"min_value": 0.5}, "min_value", ArgumentTypeError),
+    ],
+)
+def test_what_has_no_hues_is_named(change, message, error):
+    given = {"rgb": PICTURE, **BIN_ARGUMENTS} | change
+    with pytest.raises(error, match=message):
+        _core.hue_saturation_bins(*given.values(), None)
+    rgb, *bins = given.values()
+    with pytest.raises(error, match=message):
+        _core.window_intersections(rgb, CORNERS, np.ones(480), (20, 20), *bins)
+
+
+@pytest.mark.parametrize(
+    ("change", "message", "error"),
+    [
+        ({"corners": CORNERS.astype(np.int64)}, "corners must be an array .* int32", ArgumentTypeError),
+        ({"corners": CORNERS[0]}, r"corners must be \(N, 2\)", ArgumentError),
+        ({"corners": CORNERS[:, :1]}, r"corners must be \(N, 2\), got \(2, 1\)", ArgumentError),
+        ({"corners": CORNERS - 1}, r"corners\[0, 0\]", ArgumentError),
+        (
+            {"corners": np.array([[0, 0], [21, 0]], np.int32)},
+            r"from 0 to 20, got 21 at corners\[1, 0\]",
+            ArgumentError,
+        ),
+        (
+            {"corners": np.array([[0, 11]], np.int32)},
+            r"from 0 to 10, got 11 at corners\[0, 1\]",
+            ArgumentError,
+        ),
+        ({"target": np.ones(479)}, "target must be one share for each of 480 bins, got 479", ArgumentError),
+        ({"target": np.zeros(480)}, "target is zero everywhere", ArgumentError),
+        ({"target": np.full(480, np.nan)}, r"target\[0\]", ArgumentError),
+        ({"window": (31, 20)}, "window must be .*, got \\(31, 20\\)", ArgumentError),
+        ({"window": 20}, "window", ArgumentTypeError),
+    ],
+)
+def test_what_is_no_window_of_an_image_is_named(change, message, error):
+    given = {"corners": CORNERS, "target": np.ones(480), "window": (20, 20)} | change
+    with pytest.raises(error, match=message):
+        _core.window_intersections(PICTURE, *given.values(), *BIN_ARGUMENTS.values())
+
+
+def test_bins_are_written_where_they_are_asked_for_and_not_over_the_image():
+    out = np.full((120, 160), 9, np.uint16)
+    assert _core.hue_saturation_bins(motley(), *BIN_ARGUMENTS.values(), out) is out
+    np.testing.assert_array_equal(out, bin_indices(motley()))
+    memory = np.zeros((6, 8, 3), np.uint8)
+    with pytest.raises(ArgumentError, match="out overlaps an input"):
+        over = memory.view(np.uint8).reshape(-1)[:96].view(np.uint16).reshape(6, 8)
+        _core.hue_saturation_bins(memory, *BIN_ARGUMENTS.values(), over)
 
 
 # Where they look.

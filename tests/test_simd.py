@@ -16,6 +16,7 @@ import hashlib
 import math
 import numpy as np
 import motorprime as mp
+from motorprime import _core
 from motorprime import Mlp
 
 digest = hashlib.sha256()
@@ -75,6 +76,11 @@ for shape, window in (((7, 9), (3, 2)), ((190, 83), (20, 20)), ((400, 300), (300
     add("intersections", mp.intersections(bins, target, window))
     add("wanted", mp.intersections(bins, target, window, wanted=wanted))
     add("intersections", mp.intersections(bins.astype(np.uint8), target, window, stride=3))
+
+picture = rng.integers(0, 256, (70, 150, 3)).astype(np.uint8)
+corners = rng.integers(0, (131, 51), (30, 2)).astype(np.int32)
+add("bins", _core.hue_saturation_bins(picture, (30, 16), 70, 25, None))
+add("windows", _core.window_intersections(picture, corners, rng.random(480), (20, 20), (30, 16), 70, 25))
 
 matrix = np.array([[60.0, 0, 31.5, 0], [0, 60.0, 23.5, 0], [0, 0, 1.0, 0]])
 layers = [(25, 12), (25, 25), (2, 25)]

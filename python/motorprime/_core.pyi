@@ -14,6 +14,7 @@ __all__ = [
     "gaussian_landscape",
     "gaussian_landscapes",
     "gibbs_sample",
+    "hue_saturation_bins",
     "instruction_set",
     "intersections",
     "kernel_landscape",
@@ -21,6 +22,7 @@ __all__ = [
     "sample",
     "surf",
     "threshold",
+    "window_intersections",
 ]
 
 _Array = npt.NDArray[np.floating[Any]]
@@ -96,6 +98,24 @@ def intersections(
     out: _Landscape | None,
     /,
 ) -> _Landscape: ...
+def hue_saturation_bins(
+    rgb: npt.NDArray[np.uint8],
+    bins: tuple[int, int],
+    min_saturation: int,
+    min_value: int,
+    out: npt.NDArray[np.uint16] | None,
+    /,
+) -> npt.NDArray[np.uint16]: ...
+def window_intersections(
+    rgb: npt.NDArray[np.uint8],
+    corners: npt.NDArray[np.int32],
+    target: _Numbers,
+    window: tuple[int, int],
+    bins: tuple[int, int],
+    min_saturation: int,
+    min_value: int,
+    /,
+) -> npt.NDArray[np.float32]: ...
 def attention_step(
     cameras: list[tuple[str, Any, tuple[int, int], float | tuple[float, float], _Landscape, Any]],
     points: _Rows | None,

@@ -6,6 +6,7 @@
 #![cfg_attr(not(feature = "python"), forbid(unsafe_code))]
 #![warn(missing_docs)]
 
+pub mod colours;
 pub mod dynamics;
 pub mod error;
 pub mod gaussian;

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from .._arrays import fixed, integer
 from ..errors import ArgumentError, ArgumentTypeError
 from ..intersections import intersections
+from ..where import paint
 from .base import Detections, Everywhere, Where, Windows, check_image
-from .colours import BINS, back_project, bin_indices, histogram, hsv
+from .colours import BINS, back_project, bin_indices, histogram, hsv, window_scores
 from .positions import pixels_of, positions
 from .silhouettes import GROW, Segment, Silhouette, grow_all, merge
 
@@ -50,7 +51,8 @@ class HistogramDetector:
     """Find a target by its hues and saturations.
 
     A mask is looked at by the windows whose centres it holds; a tile by the windows inside it, or by one
-    around its middle where it is smaller than a window. Windows that are named are counted one by one.
+    around its middle where it is smaller than a window. Windows that are named are counted one by one, or by
+    'scan' in one call.
 
     Args:
         target: (N, 3) uint8 RGB pixels of the target, from one or more views of it.
@@ -174,15 +176,18 @@ class HistogramDetector:
 
     def _count(
         self, image: NDArray[np.uint8], where: Where, size: int
-    ) -> tuple[NDArray[np.intp], NDArray[np.floating], NDArray[np.bool_]]:
+    ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
         """Corners (N, 2) and scores (N,) of windows, counted one by one, and the pixels (H, W) in them."""
         if isinstance(where, Windows):
             corners = where.corners((image.shape[0], image.shape[1]))
         else:
             corners = np.argwhere(self._positions(image, where))[:, ::-1]
         whole = hsv(image) if isinstance(where, Everywhere) else None
+        if self.way == "scan":
+            scores = window_scores(image, corners, size, self.model.ravel())
+            return corners, scores, paint(np.hstack([corners, corners + size]), image.shape[:2])
         attended = np.zeros(image.shape[:2], dtype=np.bool_)
-        scores = np.empty(len(corners))
+        scores = np.empty(len(corners), dtype=np.float32)
         for k, (u, v) in enumerate(corners.tolist()):
             window = np.s_[v : v + size, u : u + size]
             scores[k] = self._score(hsv(image[window]) if whole is None else whole[window])
@@ -204,11 +209,11 @@ class HistogramDetector:
         if not rows.size:
             return scores
         top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
-        seen = hsv(image[top : bottom + size - 1, left : right + size - 1])
+        seen = image[top : bottom + size - 1, left : right + size - 1]
         there = wanted[top:bottom, left:right]
         if self.way == "back-projection":
             share = cv2.boxFilter(
-                back_project(seen, self._lookup), cv2.CV_32F, (size, size), anchor=(0, 0), normalize=True
+                back_project(hsv(seen), self._lookup), cv2.CV_32F, (size, size), anchor=(0, 0), normalize=True
             )
             scores[top:bottom, left:right] = share[: bottom - top, : right - left] / 255.0 * there
         else:

@@ -17,7 +17,7 @@ from ..attention import Look
 from ..budget import Budgeted
 from ..costs import Clock, calibrate_costs
 from ..detectors import Everywhere, HistogramDetector, Windows
-from ..detectors.colours import bin_indices, hsv
+from ..detectors.colours import bin_indices
 from ..landscape import kernel_landscape
 from .common import Progress
 
@@ -154,7 +154,7 @@ def _ways(image: Image, windows: Windows) -> dict[str, Callable[[], object]]:
 
 def _boxes(image: Image, detector: HistogramDetector) -> NDArray[np.float32]:
     """The scores of the scan with OpenCV and NumPy: a box filter for each bin."""
-    index, scores = bin_indices(hsv(image)), np.zeros(image.shape[:2], dtype=np.float32)
+    index, scores = bin_indices(image), np.zeros(image.shape[:2], dtype=np.float32)
     for k, share in enumerate(detector.model.ravel()):
         if share > 0.0:
             inside = (index == k).astype(np.float32)

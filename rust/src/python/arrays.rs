@@ -7,8 +7,8 @@ use std::ops::Range;
 
 use numpy::ndarray::{Dimension, IntoDimension};
 use numpy::{
-    Element, PyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArray2,
-    PyReadwriteArray, PyReadwriteArray2, PyUntypedArray, PyUntypedArrayMethods,
+    Element, PyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArray,
+    PyReadonlyArray2, PyReadwriteArray, PyReadwriteArray2, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -162,10 +162,10 @@ pub fn image<'py>(argument: &'static str, object: &Bound<'py, PyAny>) -> PyResul
         return Err(Error::shape(argument, "(H, W)", format_shape(array.shape())).into());
     };
     let shape = Shape::new(height, width).map_err(|e| e.renamed(|_| argument.into()))?;
-    if let Some(array) = borrowed::<f32>(argument, object)? {
+    if let Some(array) = borrowed::<f32, _>(argument, object)? {
         return Ok((Image::Single(array), shape));
     }
-    if let Some(array) = borrowed::<f64>(argument, object)? {
+    if let Some(array) = borrowed::<f64, _>(argument, object)? {
         return Ok((Image::Double(array), shape));
     }
     let image = if array.dtype().itemsize() == 4 {
@@ -179,11 +179,11 @@ pub fn image<'py>(argument: &'static str, object: &Bound<'py, PyAny>) -> PyResul
 }
 
 /// The array itself if it has this type and can be read as one slice in C order.
-pub fn borrowed<'py, T: Element>(
+pub fn borrowed<'py, T: Element, D: Dimension>(
     argument: &'static str,
     object: &Bound<'py, PyAny>,
-) -> PyResult<Option<PyReadonlyArray2<'py, T>>> {
-    match object.cast::<PyArray2<T>>() {
+) -> PyResult<Option<PyReadonlyArray<'py, T, D>>> {
+    match object.cast::<PyArray<T, D>>() {
         Ok(array) if array.is_c_contiguous() && array.is_aligned() => {
             Ok(Some(array.try_readonly().map_err(|_| busy(argument))?))
         }

@@ -139,11 +139,11 @@ impl Mlp {
     fn points<'py>(&self, x: &Bound<'py, PyAny>) -> PyResult<(Points<'py>, usize)> {
         // A subclass of the array may hide something, a mask for example: `numbers` looks at it.
         if x.is_exact_instance_of::<PyUntypedArray>() {
-            if let Some(array) = borrowed::<f64>("x", x)? {
+            if let Some(array) = borrowed::<f64, _>("x", x)? {
                 let rows = self.rows(array.shape())?;
                 return Ok((Points::Double(array), rows));
             }
-            if let Some(array) = borrowed::<f32>("x", x)? {
+            if let Some(array) = borrowed::<f32, _>("x", x)? {
                 let rows = self.rows(array.shape())?;
                 return Ok((Points::Single(array), rows));
             }

@@ -1,10 +1,12 @@
 //! `motorprime._core`: the border to Python. It validates, detaches from the interpreter and converts.
 
 mod arrays;
+mod colours;
 mod dynamics;
 mod errors;
 mod landscape;
 mod mlp;
+mod plain;
 mod pool;
 mod sampling;
 mod scalars;
@@ -33,6 +35,8 @@ fn empty_landscape<'py>(py: Python<'py>, shape: &Bound<'py, PyAny>) -> PyResult<
 /// Kernels of motorprime. The documented faces of these functions are in the package's own modules.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::colours::{hue_saturation_bins, window_intersections};
     #[pymodule_export]
     use super::dynamics::CoupledSystem;
     #[pymodule_export]

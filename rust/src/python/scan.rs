@@ -2,17 +2,14 @@
 
 use std::cell::Cell;
 
-use numpy::{
-    Element, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyReadonlyArray2, PyUntypedArray,
-    PyUntypedArrayMethods,
-};
+use numpy::{PyArray2, PyArrayDescrMethods, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::arrays::{borrowed, list, output, release};
-use super::errors::{format_shape, wrong_type};
+use super::arrays::{list, output, release};
+use super::errors::wrong_type;
+use super::plain::{mask, plain, shape_of};
 use super::scalars::{pair, whole};
 use super::scratch;
-use crate::error::Error;
 use crate::scan::{Scan, Workspace};
 use crate::shape::Shape;
 
@@ -32,13 +29,14 @@ pub fn intersections<'py>(
     wanted: Option<&Bound<'py, PyAny>>,
     out: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let target: Vec<f32> = list("target", target)?.into_iter().map(|share| share as f32).collect();
+    let target = shares(target)?;
     let window = pair("window", "(height, width)", window)?;
     let stride = usize::try_from(whole("stride", stride, 1)?).unwrap_or(usize::MAX);
     let (indices, image) = indices(bins)?;
     let mut scan = Scan { target: &target, window, stride, wanted: None };
     let places = scan.places(image)?;
-    let mask = wanted.map(|wanted| mask(wanted, places)).transpose()?;
+    let expected = || format!("a bool array of shape ({}, {})", places.height(), places.width());
+    let mask = wanted.map(|wanted| mask("wanted", expected, places, wanted)).transpose()?;
     scan.wanted = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
     let inputs: Vec<_> = [Some(bins), wanted].into_iter().flatten().collect();
     let mut scores = output("out", out, places, &inputs, py)?;
@@ -56,6 +54,11 @@ pub fn intersections<'py>(
     Ok(release(scores))
 }
 
+/// A target's share of each bin.
+pub fn shares(target: &Bound<'_, PyAny>) -> PyResult<Vec<f32>> {
+    Ok(list("target", target)?.into_iter().map(|share| share as f32).collect())
+}
+
 /// A borrowed image of indices.
 enum Indices<'py> {
     Bytes(PyReadonlyArray2<'py, u8>),
@@ -67,43 +70,10 @@ fn indices<'py>(object: &Bound<'py, PyAny>) -> PyResult<(Indices<'py>, Shape)> {
     let Ok(array) = object.cast::<PyUntypedArray>() else {
         return Err(wrong_type("bins", expected, object));
     };
-    let dtype = array.dtype();
-    if dtype.kind() != b'u' || dtype.itemsize() > 2 {
-        return Err(wrong_type("bins", expected, object));
-    }
-    let &[height, width] = array.shape() else {
-        return Err(Error::shape("bins", "(H, W)", format_shape(array.shape())).into());
+    let indices = if array.dtype().itemsize() == 1 {
+        Indices::Bytes(plain("bins", expected, "(H, W)", object)?)
+    } else {
+        Indices::Words(plain("bins", expected, "(H, W)", object)?)
     };
-    let shape = Shape::new(height, width).map_err(|e| e.renamed(|_| "bins".into()))?;
-    let indices = match dtype.itemsize() {
-        1 => Indices::Bytes(in_order("bins", array)?),
-        _ => Indices::Words(in_order("bins", array)?),
-    };
-    Ok((indices, shape))
-}
-
-fn mask<'py>(object: &Bound<'py, PyAny>, places: Shape) -> PyResult<PyReadonlyArray2<'py, bool>> {
-    let expected = format!("a bool array of shape ({}, {})", places.height(), places.width());
-    match object.cast::<PyUntypedArray>() {
-        Ok(array) if array.dtype().kind() == b'b' => {
-            if array.shape() != [places.height(), places.width()] {
-                return Err(Error::shape("wanted", expected, format_shape(array.shape())).into());
-            }
-            in_order("wanted", array)
-        }
-        _ => Err(wrong_type("wanted", expected, object)),
-    }
-}
-
-/// The array itself if it can be read as one slice in C order, else a copy that can.
-fn in_order<'py, T: Element>(
-    argument: &'static str,
-    array: &Bound<'py, PyUntypedArray>,
-) -> PyResult<PyReadonlyArray2<'py, T>> {
-    if let Some(array) = borrowed::<T>(argument, array.as_any())? {
-        return Ok(array);
-    }
-    let dtype = numpy::dtype::<T>(array.py());
-    let copy = array.call_method1("astype", (dtype, "C", "unsafe", false))?;
-    Ok(copy.cast_into::<PyArray2<T>>()?.try_readonly()?)
+    Ok((indices, shape_of("bins", array.shape())?))
 }

@@ -2,18 +2,15 @@
 
 use std::cell::Cell;
 
-use numpy::{
-    Element, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyReadonlyArray2, PyUntypedArray,
-    PyUntypedArrayMethods,
-};
+use numpy::ndarray::Ix2;
+use numpy::{PyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::arrays::{borrowed, empty, release};
-use super::errors::{format_shape, wrong_type};
+use super::arrays::{empty, release};
+use super::errors::format_shape;
+use super::plain::{mask, plain, shape_of};
 use super::scalars::{flag, real, whole};
 use super::scratch;
-use crate::error::Error;
-use crate::shape::Shape;
 use crate::surf::{Surf, Workspace};
 
 thread_local! {
@@ -48,15 +45,10 @@ pub fn surf<'py>(
         flag("extended", extended)?,
     )?;
     let threads = threads.map_or(Ok(usize::MAX), |threads| count("threads", threads))?;
-    let gray = plain::<u8>("gray", "an array (H, W) of uint8", gray)?;
-    let shape = shape_of("gray", &gray)?;
-    let mask = mask.map(|mask| plain::<bool>("mask", "an array (H, W) of bool", mask)).transpose()?;
-    if let Some(mask) = &mask
-        && mask.shape() != gray.shape()
-    {
-        let expected = format!("of the image's shape {}", format_shape(gray.shape()));
-        return Err(Error::shape("mask", expected, format_shape(mask.shape())).into());
-    }
+    let gray = plain::<u8, Ix2>("gray", "an array (H, W) of uint8", "(H, W)", gray)?;
+    let shape = shape_of("gray", gray.shape())?;
+    let expected = || format!("of the image's shape {}", format_shape(gray.shape()));
+    let mask = mask.map(|object| self::mask("mask", expected, shape, object)).transpose()?;
     let pixels = gray.as_slice()?;
     let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?;
     let found = scratch::with(&WORKSPACE, shape.pixels().saturating_mul(PLANES), |workspace| {
@@ -78,34 +70,4 @@ pub fn surf<'py>(
 /// A number of which more than an address can hold is as wrong as the largest that it can.
 fn count(argument: &'static str, object: &Bound<'_, PyAny>) -> PyResult<usize> {
     Ok(usize::try_from(whole(argument, object, 1)?).unwrap_or(usize::MAX))
-}
-
-/// Borrows an array of exactly this type, or a copy in C order.
-fn plain<'py, T: Element>(
-    argument: &'static str,
-    expected: &'static str,
-    object: &Bound<'py, PyAny>,
-) -> PyResult<PyReadonlyArray2<'py, T>> {
-    let Ok(array) = object.cast::<PyUntypedArray>() else {
-        return Err(wrong_type(argument, expected, object));
-    };
-    if !array.dtype().is_equiv_to(&numpy::dtype::<T>(object.py())) {
-        return Err(wrong_type(argument, expected, object));
-    }
-    if !array.is_exact_instance_of::<PyUntypedArray>() && array.hasattr("mask")? {
-        return Err(wrong_type(argument, "an array without a mask", object));
-    }
-    if array.ndim() != 2 {
-        return Err(Error::shape(argument, "(H, W)", format_shape(array.shape())).into());
-    }
-    if let Some(array) = borrowed::<T>(argument, object)? {
-        return Ok(array);
-    }
-    let copy = object.call_method1("copy", ("C",))?.cast_into::<PyArray2<T>>()?;
-    Ok(copy.try_readonly()?)
-}
-
-fn shape_of<T: Element>(argument: &'static str, array: &PyReadonlyArray2<'_, T>) -> PyResult<Shape> {
-    let [height, width] = [array.shape()[0], array.shape()[1]];
-    Ok(Shape::new(height, width).map_err(|error| error.renamed(|_| argument.into()))?)
 }

@@ -10,8 +10,12 @@ mod band;
 mod boxes;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod window_tests;
+mod windows;
 
 use band::Band;
+pub use windows::{Picture, WindowSpace};
 
 use crate::error::{Error, Result};
 use crate::parallel;

@@ -1,0 +1,106 @@
+//! Binding of the colour histograms: bins of pixels, and windows of an image that is not yet converted.
+
+use std::cell::Cell;
+
+use numpy::ndarray::{Ix1, Ix2, Ix3};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray3, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use super::arrays::{created, empty, release, writable};
+use super::errors::format_shape;
+use super::plain::{plain, shape_of};
+use super::scalars::{pair, whole};
+use super::scan::shares;
+use super::scratch;
+use crate::colours::Colours;
+use crate::error::Error;
+use crate::scan::{Picture, Scan, WindowSpace};
+use crate::shape::Shape;
+use crate::simd::Simd;
+
+thread_local! {
+    static SPACE: Cell<WindowSpace> = Cell::default();
+}
+
+/// The bin of hue and saturation of every pixel.
+#[pyfunction]
+#[pyo3(signature = (rgb, bins, min_saturation, min_value, out, /))]
+pub fn hue_saturation_bins<'py>(
+    py: Python<'py>,
+    rgb: &Bound<'py, PyAny>,
+    bins: &Bound<'py, PyAny>,
+    min_saturation: &Bound<'py, PyAny>,
+    min_value: &Bound<'py, PyAny>,
+    out: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyArray2<u16>>> {
+    let colours = colours(bins, min_saturation, min_value)?;
+    let (image, shape) = image(rgb)?;
+    let sides = [shape.height(), shape.width()];
+    let mut found = match out {
+        Some(out) => writable::<u16, Ix2>("out", out, &sides, &[rgb])?,
+        None => empty::<u16>(py, sides)?,
+    };
+    let (pixels, written) = (image.as_slice()?, found.as_slice_mut()?);
+    py.detach(|| colours.bins(Simd::best(), pixels, written))?;
+    Ok(release(found))
+}
+
+/// Scores of some windows of an RGB image, by their upper left pixels.
+#[pyfunction]
+#[pyo3(signature = (rgb, corners, target, window, bins, min_saturation, min_value, /))]
+#[expect(clippy::too_many_arguments, reason = "the parameters of the method")]
+pub fn window_intersections<'py>(
+    py: Python<'py>,
+    rgb: &Bound<'py, PyAny>,
+    corners: &Bound<'py, PyAny>,
+    target: &Bound<'py, PyAny>,
+    window: &Bound<'py, PyAny>,
+    bins: &Bound<'py, PyAny>,
+    min_saturation: &Bound<'py, PyAny>,
+    min_value: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray1<f32>>> {
+    let colours = colours(bins, min_saturation, min_value)?;
+    let target = shares(target)?;
+    let window = pair("window", "(height, width)", window)?;
+    let (image, shape) = image(rgb)?;
+    let corners = plain::<i32, Ix2>("corners", "an array (N, 2) of int32", "(N, 2)", corners)?;
+    if corners.shape()[1] != 2 {
+        return Err(Error::shape("corners", "(N, 2)", format_shape(corners.shape())).into());
+    }
+    let corners = corners.as_slice()?.as_chunks::<2>().0;
+    let scan = Scan { target: &target, window, stride: 1, wanted: None };
+    let scores = created(py, Ix1(corners.len()))?;
+    let mut written = scores.try_readwrite()?;
+    let picture = Picture { rgb: image.as_slice()?, shape, colours };
+    let out = written.as_slice_mut()?;
+    scratch::with(&SPACE, shape.pixels(), |space| {
+        py.detach(|| scan.windows(Simd::best(), picture, corners, space, out))
+    })?;
+    drop(written);
+    Ok(scores)
+}
+
+fn colours(
+    bins: &Bound<'_, PyAny>,
+    min_saturation: &Bound<'_, PyAny>,
+    min_value: &Bound<'_, PyAny>,
+) -> PyResult<Colours> {
+    let [hues, saturations] = pair("bins", "(hues, saturations)", bins)?;
+    let [min_saturation, min_value] =
+        [byte("min_saturation", min_saturation)?, byte("min_value", min_value)?];
+    Ok(Colours::new(hues, saturations, min_saturation, min_value)?)
+}
+
+fn byte(argument: &'static str, object: &Bound<'_, PyAny>) -> PyResult<u8> {
+    let value = whole(argument, object, 0)?;
+    Ok(u8::try_from(value).map_err(|_| Error::scalar(argument, "at most 255", value))?)
+}
+
+fn image<'py>(rgb: &Bound<'py, PyAny>) -> PyResult<(PyReadonlyArray3<'py, u8>, Shape)> {
+    let image = plain::<u8, Ix3>("rgb", "an array (H, W, 3) of uint8", "(H, W, 3)", rgb)?;
+    if image.shape()[2] != 3 {
+        return Err(Error::shape("rgb", "(H, W, 3)", format_shape(image.shape())).into());
+    }
+    let shape = shape_of("rgb", image.shape())?;
+    Ok((image, shape))
+}
