@@ -218,3 +218,24 @@ def test_only_a_convex_area_gone_around_clockwise_is_a_front():
     assert not planar._is_front(front[[0, 2, 1, 3]])
     assert not planar._is_front(front * 0.01)
     assert not planar._is_front(np.full((4, 2), np.nan))
+
+
+def test_copies_of_the_object_are_found_one_by_one():
+    """By a ratio test in the image each copy would rival the others."""
+    places = [pose((0, 0, 0.3), (-0.1, -0.05, 0.5)), pose((0, 0.3, 0), (0.1, 0.04, 0.45))]
+    image, first = picture(), homography_of(places[0])
+    for motion in places:
+        there = picture(homography_of(motion))
+        image = np.where(there == picture(), image, there)
+    found = DETECTOR.find_all(image, Everywhere())
+    assert len(found) == 2 and len(DETECTOR.detect(image, Everywhere())) == 2
+    for motion in places:
+        expected = corners_of(homography_of(motion))
+        assert min(np.abs(seen.corners - expected).max() for seen in found) < 2.0
+    assert len(found[0].image_points) >= len(found[1].image_points) >= DETECTOR.min_matches
+    np.testing.assert_array_equal(DETECTOR.find(image, Everywhere()).corners, found[0].corners)
+    mask = cv2.fillConvexPoly(np.zeros(SHAPE, np.uint8), corners_of(first).astype(np.int32), 1) > 0
+    (only,) = DETECTOR.find_all(image, Mask(mask))
+    assert np.abs(only.corners - corners_of(first)).max() < 2.0
+    assert DETECTOR.find_all(picture(), Everywhere()) == []
+    assert DETECTOR.detect(picture(), Everywhere()).boxes.shape == (0, 4)

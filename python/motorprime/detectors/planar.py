@@ -44,7 +44,7 @@ class PlanarDetector:
 
     Keypoints of the image are matched with those of the template by the ratio test: a match counts when its
     descriptor is clearly nearer than the second nearest. RANSAC finds the homography that most matches agree
-    with. Lens distortion is left to RANSAC's tolerance. See :mod:`motorprime.detectors.surf` for patents.
+    with, and again among those that are left, for there may be copies. Lens distortion is left to RANSAC's tolerance. See :mod:`motorprime.detectors.surf` for patents.
 
     Args:
         template: (h, w, 3) uint8 RGB or (h, w) uint8, a picture that shows nothing but the object.
@@ -90,23 +90,32 @@ class PlanarDetector:
             )
 
     def detect(self, image: NDArray[np.uint8], where: Where) -> Detections:
-        """Detect the object in ``image`` (H, W, 3) uint8 RGB: at most one detection, its box in the image.
+        """Detect the object, and copies of it, in ``image`` (H, W, 3) uint8 RGB: a box around each.
 
         Raises:
             ArgumentError, ArgumentTypeError: as for :meth:`find`.
         """
         mask = looked_at(where, check_image(image).shape[:2])
         attended = image.shape[0] * image.shape[1] if mask is None else int(np.count_nonzero(mask))
-        seen = self._find(image, mask)
-        if seen is None:
-            return Detections(attended=attended)
+        found = self._find(image, mask)
         limits = (image.shape[1], image.shape[0])
-        low, high = np.clip(seen.corners.min(axis=0), 0, limits), np.clip(seen.corners.max(axis=0), 0, limits)
-        box = np.array([[*low, *high]], dtype=np.float32)
-        return Detections(box, np.array([seen.score], dtype=np.float32), (self.label,), attended)
+        ends = [(seen.corners.min(axis=0), seen.corners.max(axis=0)) for seen in found]
+        boxes = np.clip(np.array(ends, dtype=np.float32).reshape(-1, 2, 2), 0, limits).reshape(-1, 4)
+        scores = np.array([seen.score for seen in found], dtype=np.float32)
+        return Detections(boxes.astype(np.float32), scores, (self.label,) * len(found), attended)
 
     def find(self, image: NDArray[np.uint8], where: Where) -> PlanarSighting | None:
         """The object in ``image`` (H, W, 3) uint8 RGB with all that is known of it, or None.
+
+        Of several copies it is the one that most matches agree with.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: as for :meth:`find_all`.
+        """
+        return next(iter(self.find_all(image, where)), None)
+
+    def find_all(self, image: NDArray[np.uint8], where: Where) -> list[PlanarSighting]:
+        """The object and copies of it in ``image`` (H, W, 3) uint8 RGB, that with the most matches first.
 
         Windows and Tiles are looked at as the mask of their pixels.
 
@@ -153,37 +162,45 @@ class PlanarDetector:
         pose[:3, 3] = shift[:, 0]
         return pose
 
-    def _find(self, image: NDArray[np.uint8], mask: NDArray[np.bool_] | None) -> PlanarSighting | None:
+    def _find(self, image: NDArray[np.uint8], mask: NDArray[np.bool_] | None) -> list[PlanarSighting]:
         keypoints, descriptors = self.surf.detect(_gray(image), mask)
-        # The ratio test wants a second nearest.
-        if len(keypoints) < max(self.min_matches, 2):
-            return None
-        pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(self._descriptors, descriptors, k=2)
-        matches = [(a.queryIdx, a.trainIdx) for a, b in pairs if a.distance < self.ratio * b.distance]
-        if len(matches) < self.min_matches:
-            return None
+        if len(keypoints) < self.min_matches:
+            return []
+        # From the image to the template, so that the keypoints of a second copy do not rival the first one's.
+        pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(descriptors, self._descriptors, k=2)
+        matches = [(a.trainIdx, a.queryIdx) for a, b in pairs if a.distance < self.ratio * b.distance]
+        if not matches:
+            return []
         ours, theirs = (np.array(side) for side in zip(*matches, strict=True))
         template_points, image_points = self._points[ours], _places(keypoints)[theirs]
-        homography, agree = cv2.findHomography(
-            template_points,
-            image_points,
-            cv2.RANSAC,
-            self.tolerance,
-            maxIters=ITERATIONS,
-            confidence=CONFIDENCE,
-        )
-        if homography is None:
-            return None
-        inside = agree[:, 0] != 0
+        found = []
+        while len(template_points) >= self.min_matches:
+            homography, agree = cv2.findHomography(
+                template_points,
+                image_points,
+                cv2.RANSAC,
+                self.tolerance,
+                maxIters=ITERATIONS,
+                confidence=CONFIDENCE,
+            )
+            if homography is None or np.count_nonzero(agree) < self.min_matches:
+                break
+            inside = agree[:, 0] != 0
+            corners = self._outline(homography)
+            if _is_front(corners):
+                score = float(np.count_nonzero(inside)) / len(matches)
+                found.append(
+                    PlanarSighting(homography, corners, template_points[inside], image_points[inside], score)
+                )
+            template_points, image_points = template_points[~inside], image_points[~inside]
+        return found
+
+    def _outline(self, homography: Floats) -> Floats:
+        """Where the template's corners (4, 2) are in the image."""
         height, width = self.template.shape[:2]
         right, bottom = width - 0.5, height - 0.5
         corners = np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
-        homography = np.asarray(homography, dtype=np.float64)
-        corners = np.asarray(cv2.perspectiveTransform(corners[:, None], homography)[:, 0], dtype=np.float64)
-        if np.count_nonzero(inside) < self.min_matches or not _is_front(corners):
-            return None
-        score = float(np.count_nonzero(inside)) / len(matches)
-        return PlanarSighting(homography, corners, template_points[inside], image_points[inside], score)
+        return np.asarray(cv2.perspectiveTransform(corners[:, None], homography)[:, 0], dtype=np.float64)
 
 
 def _gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
