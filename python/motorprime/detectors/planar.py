@@ -44,7 +44,8 @@ class PlanarDetector:
 
     Keypoints of the image are matched with those of the template by the ratio test: a match counts when its
     descriptor is clearly nearer than the second nearest. RANSAC finds the homography that most matches agree
-    with, and again among those that are left, for there may be copies. Lens distortion is left to RANSAC's tolerance. See :mod:`motorprime.detectors.surf` for patents.
+    with, and again among those that are left, for there may be copies. Lens distortion is left to RANSAC's
+    tolerance. See :mod:`motorprime.detectors.surf` for patents.
 
     Args:
         template: (h, w, 3) uint8 RGB or (h, w) uint8, a picture that shows nothing but the object.

@@ -1,4 +1,4 @@
-"""Printed cards: flat pictures that stand in a scene or hang on its walls, to be seen and not to be touched."""
+"""Printed cards: flat pictures that stand in a scene or hang on its walls, to be seen and not touched."""
 
 from __future__ import annotations
 
