@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ._arrays import fixed, generator, integer, rows
 from .attention import Look
-from .detectors.base import Windows
+from .detectors.base import Mask, Windows
 from .errors import ArgumentError, ArgumentTypeError
 from .landscape import gibbs_sample, sample
 
@@ -55,9 +55,28 @@ class Memory:
         self._keep = float(keep)
         self.seen: _Field = np.zeros((height, width), dtype=np.float32)
 
-    def note(self, windows: Windows) -> None:
-        """A cycle looked at these windows and found nothing in them; all before is a cycle older."""
-        corners = windows.corners((self.seen.shape[0], self.seen.shape[1]))
+    def note(self, looked: Windows | Mask, *, margin: int = 0) -> None:
+        """A cycle looked at these windows or pixels and found nothing there; all before is a cycle older.
+
+        Args:
+            looked: where.
+            margin: pixels of a mask so near [px] to its border count as not looked at: what lies across it
+                may have been missed.
+
+        Raises:
+            ArgumentError: a mask of another shape, a window that does not fit, or a negative margin.
+        """
+        shape = self.seen.shape[0], self.seen.shape[1]
+        side = 2 * integer("margin", margin, at_least=0) + 1
+        if isinstance(looked, Mask):
+            inside = np.ascontiguousarray(looked.within(shape)).view(np.uint8)
+            # What lies outside of the image cannot be looked at: its edge is no border.
+            kernel = np.ones((side, side), np.uint8)
+            core = cv2.erode(inside, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=[1.0])
+            self.seen *= self._keep
+            self.seen[core > 0] = 1.0
+            return
+        windows, corners = looked, looked.corners(shape)
         self.seen *= self._keep
         for u, v in corners.tolist():
             self.seen[v : v + windows.size, u : u + windows.size] = 1.0

@@ -179,7 +179,8 @@ class PlanarDetector:
             homography, agree = cv2.findHomography(
                 template_points,
                 image_points,
-                cv2.RANSAC,
+                # As good as cv2.RANSAC here and dozens of times as fast, above all where there are no copies.
+                cv2.USAC_MAGSAC,
                 self.tolerance,
                 maxIters=ITERATIONS,
                 confidence=CONFIDENCE,

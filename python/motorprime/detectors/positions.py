@@ -47,7 +47,9 @@ def positions(shape: tuple[int, int], where: Where, size: int, stride: int) -> B
 
 def pixels_of(wanted: Bools, size: int) -> Bools:
     """Pixels (H, W) of the windows that are set at their upper left pixels."""
-    marked = cv2.copyMakeBorder(wanted.view(np.uint8), 0, size - 1, 0, size - 1, cv2.BORDER_CONSTANT, value=0)
+    marked = cv2.copyMakeBorder(
+        np.ascontiguousarray(wanted).view(np.uint8), 0, size - 1, 0, size - 1, cv2.BORDER_CONSTANT, value=0
+    )
     spread = cv2.dilate(marked, np.ones((size, size), np.uint8), anchor=(size - 1, size - 1))
     return np.asarray(spread, dtype=np.uint8).view(np.bool_)
 

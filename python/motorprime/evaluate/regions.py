@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +18,7 @@ from ..detectors.keypoints import Structured
 from ..detectors.merging import intersection_over_union
 from ..detectors.opencv import Akaze, Brisk, Kaze, Orb, Sift
 from ..errors import ArgumentError, MissingExtraError, StateError
-from .common import Progress
+from .common import Progress, one_thread
 from .cover import evaluate_cover
 from .drawn import faces, labelled, textured
 from .text_model import text_detector
@@ -97,7 +95,7 @@ def evaluate_regions(
     images, rounds = integer("images", images, at_least=1), integer("rounds", rounds, at_least=1)
     progress = progress or Progress()
     result: dict[str, Any] = {"seed": seed, "images": images, "rounds": rounds, "fraction": FRACTION}
-    with _one_thread():
+    with one_thread():
         for name, (make, shape) in DETECTORS.items():
             scenes = [(textured(rng, shape), rng) for rng in _generators(seed, images)]
             result[name] = _measure(name, make, scenes, same_keypoints, rounds, progress)
@@ -207,13 +205,3 @@ def _milliseconds(detector: Detector, image: NDArray[np.uint8], where: Where) ->
 
 def _generators(seed: int, count: int) -> list[np.random.Generator]:
     return [np.random.default_rng([seed, k]) for k in range(count)]
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(threads)

@@ -22,8 +22,9 @@ def stand_card(
     size: tuple[float, float],
     *,
     turn: float = 0.0,
+    lean: float = 0.0,
 ) -> int:
-    """Put an upright card into the world, without mass and without resistance; returns its body.
+    """Put a card into the world, without mass and without resistance; returns its body.
 
     Args:
         world: to put it in.
@@ -32,14 +33,16 @@ def stand_card(
         centre: (3,) [m].
         size: width and height [m].
         turn: of its front around z [rad]; 0 faces along +x.
+        lean: how far its upper edge leans back [rad].
 
     Raises:
         StateError: the picture cannot be written.
     """
     width, height = size
     along = width * np.array([-np.sin(turn), np.cos(turn), 0.0])
-    up = np.array([0.0, 0.0, height])
-    mesh = write_plane(path.with_suffix(".obj"), -(along + up) / 2.0, along, up)
+    back = np.array([-np.cos(turn), -np.sin(turn), 0.0])
+    up = height * (np.cos(lean) * np.array([0.0, 0.0, 1.0]) + np.sin(lean) * back)
+    mesh = write_plane(path.with_suffix(".obj"), (-(along + up) / 2.0).tolist(), along.tolist(), up.tolist())
     texture = path.with_suffix(".png")
     if not cv2.imwrite(str(texture), picture[..., ::-1]):
         raise StateError(f"could not write the texture {texture}")

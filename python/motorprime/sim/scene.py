@@ -143,12 +143,15 @@ class Scene:
 
     The object poses here are the truth. Nothing above the simulator may steer by them; they serve to build
     experiments and to judge them.
+
+    Attributes:
+        folder: of meshes and textures, as long as the scene stands.
     """
 
     def __init__(self, world: World, layout: Layout) -> None:
         self.world, self.layout = world, layout
-        self._folder = tempfile.TemporaryDirectory(prefix="motorprime-")
-        folder = Path(self._folder.name)
+        self._files = tempfile.TemporaryDirectory(prefix="motorprime-")
+        folder = self.folder = Path(self._files.name)
         generator = np.random.default_rng(layout.textures)
         self.glass: int | None = StandingGlass(
             world, layout.glass, layout.glass_xy, TABLE_HEIGHT, folder / "glass.obj"
@@ -199,7 +202,7 @@ class Scene:
         if self.obstacle is not None:
             raise StateError("the scene has an obstacle already")
         place = _on_table(at, shape)
-        mesh = Path(self._folder.name) / "obstacle.obj"
+        mesh = self.folder / "obstacle.obj"
         self.obstacle = StandingGlass(self.world, shape, place.tolist(), TABLE_HEIGHT, mesh).body
 
     def remove_obstacle(self) -> None:
@@ -236,7 +239,7 @@ class Scene:
 
     def close(self) -> None:
         """Remove the textures' folder."""
-        self._folder.cleanup()
+        self._files.cleanup()
 
 
 def _mesh(world: World, path: Path, rgb: Sequence[float]) -> int:

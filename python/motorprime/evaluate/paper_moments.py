@@ -1,0 +1,216 @@
+"""Scenes for the paper's experiments: a glass for the histograms, and in its place a printed card for SURF.
+
+The robot is stopped in a posture or in the middle of a reach, and is shown the glass; then the card instead;
+then both once more, with things about that look like them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import shipped
+from .._arrays import Floats
+from ..robot import Robot
+from ..sim.cameras import Eyes
+from ..sim.cards import stand_card
+from ..sim.glass import Glass, draw_glass
+from ..sim.scene import CANISTER, TABLE_HEIGHT, TABLE_X, TABLE_Y, draw_layout
+from ..tasks.cycle import Settings
+from ..tasks.pick_trial import PickTrial
+from ..tasks.staging import Stage, strike_seeing_posture
+from .textures import draw_texture
+from .trials import cloud_of
+
+Kind = Literal["peripersonal", "motorplan"]
+DETECTORS = ("histogram", "surf")
+
+CARD = (0.09, 0.12)
+"""Width and height of the printed card [m]."""
+LEAN = np.deg2rad(35.0)  # of cards on the table: the eyes look down at them
+PRINT = (120, 90)
+"""Height and width of its picture [px]: about as large as it is seen."""
+OF_A_REACH = 5
+AWAY = (400.0, 0.0, 0.0)  # out of sight [m]
+PRINT_SEED = 7
+NOISE = 2.0  # of the sensors [grey levels]
+VISIBLE = 0.5  # of the glass's outline, in both eyes, when an obstacle has been stood about
+BESIDE = (0.11, 0.25)  # of the obstacle's axis from the glass's [m]
+ON_WALL, ON_TABLE = 6, 2  # things of each kind that look like the target
+WALL = -1.68  # x of the wall behind the table [m]
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What the eyes see of one target.
+
+    Attributes:
+        images: of each camera, (H, W, 3) uint8 RGB, without noise.
+        boxes: (u0, v0, u1, v1) of the target in each camera that has some of it in view, half-open.
+    """
+
+    images: Mapping[str, Image]
+    boxes: Mapping[str, tuple[int, int, int, int]]
+
+    def noisy(self, generator: np.random.Generator) -> dict[str, Image]:
+        """The images as the sensors give them."""
+        return {
+            camera: np.clip(np.rint(image + generator.normal(0.0, NOISE, image.shape)), 0, 255).astype(
+                np.uint8
+            )
+            for camera, image in self.images.items()
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class PaperMoment:
+    """One scene of an experiment.
+
+    Attributes:
+        joints: gaze posture [rad].
+        path: (N, 3) [m] where the hand is to go; None in search.
+        glass: what the histogram is of.
+        plain: for each of :data:`DETECTORS` what there is to see.
+        cluttered: the same with things that look like the target.
+    """
+
+    joints: Floats
+    path: Floats | None
+    glass: Glass
+    plain: Mapping[str, Sight]
+    cluttered: Mapping[str, Sight]
+
+
+def printed() -> Image:
+    """The card's picture (h, w, 3) RGB."""
+    return np.repeat(draw_texture(PRINT_SEED, *PRINT)[..., None], 3, axis=2)
+
+
+def paper_moments(robot: Robot, kind: Kind, seed: int, number: int, *, obstacle: bool) -> list[PaperMoment]:
+    """Stage one scene.
+
+    Args:
+        robot: with its URDF.
+        kind: 'peripersonal': neck and eyes anywhere, the glass anywhere in reach and in view of both eyes.
+            'motorplan': a reach for it, at :data:`OF_A_REACH` random moments.
+        seed: of the series.
+        number: of the scene.
+        obstacle: whether something stands beside the glass, or on the way of the hand.
+
+    Returns:
+        The moments; none where the robot did not set out.
+    """
+    generator = np.random.default_rng([seed, number])
+    if kind == "motorplan":
+        return _reach(robot, seed, number, obstacle, generator)
+    layout = draw_layout(generator, glass=draw_glass(generator))
+    with Stage(robot, layout, noise=0.0) as stage:
+        strike_seeing_posture(stage, generator)
+        if obstacle:
+            _stand_beside(stage, generator)
+        return [_show(stage, stage.world.gaze(), None, generator)]
+
+
+def _reach(
+    robot: Robot, seed: int, number: int, obstacle: bool, generator: np.random.Generator
+) -> list[PaperMoment]:
+    trial = PickTrial(
+        robot,
+        [seed, number],
+        shipped.coupled_dynamics(),
+        obstacle=obstacle,
+        settings=Settings(compare=False),
+        cloud=cloud_of(robot),
+    )
+    with trial:
+        world, stopped = trial.stage.world, []
+        for cycle in trial.run():
+            if cycle.phase == "grasp":
+                break
+            if cycle.phase == "reach" and cycle.path is not None:
+                angles = {name: world.angle(name) for name in world.joint_index}
+                stopped.append((angles, trial.stage.scene.glass_pose()[0], cycle.joints, cycle.path))
+        chosen = np.sort(generator.permutation(len(stopped))[:OF_A_REACH])
+        moments = []
+        # What stands about does not move during a reach, but for a glass that is pushed.
+        for angles, place, joints, path in (stopped[k] for k in chosen):
+            world.place(angles)
+            world.bullet.resetBasePositionAndOrientation(trial.stage.scene.glass, place, (0, 0, 0, 1))
+            moments.append(_show(trial.stage, joints, path, generator))
+        return moments
+
+
+def _stand_beside(stage: Stage, generator: np.random.Generator) -> None:
+    """Let an obstacle stand near the glass and hide at most a part of it."""
+    glass = stage.scene.glass_pose()[0][:2]
+    while True:
+        turn, away = generator.uniform(0.0, 2.0 * np.pi), generator.uniform(*BESIDE)
+        spot = glass + away * np.array([np.cos(turn), np.sin(turn)])
+        if not stage.scene.on_table(spot, CANISTER.radius):
+            continue
+        stage.scene.stand_obstacle(CANISTER, (float(spot[0]), float(spot[1])))
+        if stage.visible(stage.eyes.capture()) >= VISIBLE:
+            return
+        stage.scene.remove_obstacle()
+
+
+def _show(stage: Stage, joints: Floats, path: Floats | None, generator: np.random.Generator) -> PaperMoment:
+    """Take the pictures of one posture: with the glass, with the card, without and with things alike."""
+    scene, bullet = stage.scene, stage.world.bullet
+    eyes = Eyes(stage.world, light=stage.eyes.light)
+    assert scene.glass is not None
+    place = scene.glass_pose()[0]
+    red = np.full((8, 8, 3), np.rint(np.multiply(stage.layout.glass.rgb, 255.0)), np.uint8)
+    plain, cluttered = {"histogram": _sight(eyes, scene.glass)}, {}
+    alike = _stand_alike(stage, place, red, "red", generator)
+    cluttered["histogram"] = _sight(eyes, scene.glass)
+    for body in alike:
+        bullet.removeBody(body)
+    bullet.resetBasePositionAndOrientation(scene.glass, AWAY, (0, 0, 0, 1))
+    head = np.mean([view.pose[:3, 3] for view in stage.eyes.views().values()], axis=0)
+    middle = np.array([place[0], place[1], TABLE_HEIGHT + CARD[1] / 2 + 0.001])
+    turn = float(np.arctan2(head[1] - place[1], head[0] - place[0]))
+    card = stand_card(stage.world, scene.folder / "card", printed(), middle, CARD, turn=turn, lean=LEAN)
+    plain["surf"] = _sight(eyes, card)
+    alike = _stand_alike(stage, place, printed(), "print", generator)
+    cluttered["surf"] = _sight(eyes, card)
+    for body in (card, *alike):
+        bullet.removeBody(body)
+    bullet.resetBasePositionAndOrientation(scene.glass, place, (0, 0, 0, 1))
+    return PaperMoment(joints, path, stage.layout.glass, plain, cluttered)
+
+
+def _sight(eyes: Eyes, body: int) -> Sight:
+    """What the eyes see, and where they see a body."""
+    frames, boxes = eyes.capture(), {}
+    for camera, frame in frames.items():
+        v, u = np.nonzero(frame.body == body)
+        if len(u):
+            boxes[camera] = (int(u.min()), int(v.min()), int(u.max()) + 1, int(v.max()) + 1)
+    return Sight({camera: frame.rgb for camera, frame in frames.items()}, boxes)
+
+
+def _stand_alike(
+    stage: Stage, target: Floats, picture: Image, name: str, generator: np.random.Generator
+) -> list[int]:
+    """Hang large copies on the wall, of about the size in the image, and stand small ones on the table."""
+    folder, bodies = stage.scene.folder, []
+    for k in range(ON_WALL):
+        place = (WALL, generator.uniform(-1.2, 1.2), generator.uniform(-0.6, 0.9))
+        large = 5.0 * CARD[0], 5.0 * CARD[1]
+        bodies.append(stand_card(stage.world, folder / f"{name}-wall-{k}", picture, place, large))
+    for k in range(ON_TABLE):
+        while True:
+            x, y = generator.uniform(*TABLE_X), generator.uniform(*TABLE_Y)
+            # Behind the glass: in front of it the card would hide it.
+            if x < target[0] - 0.05 and np.hypot(x - target[0], y - target[1]) > 0.15:
+                break
+        place = (x, y, TABLE_HEIGHT + CARD[1] / 2 + 0.001)
+        bodies.append(stand_card(stage.world, folder / f"{name}-{k}", picture, place, CARD, lean=LEAN))
+    return bodies
