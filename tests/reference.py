@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -258,6 +259,18 @@ def intersections(
             counts = np.bincount(inside[inside < len(target)], minlength=len(target))
             scores[i, j] = np.minimum(counts / (high * wide), target).sum()
     return scores
+
+
+def merge_windows(corners: Any, size: int) -> set[tuple[int, ...]]:
+    """Boxes around the windows that touch: the connected blocks of the pixels that they cover."""
+    corners = np.asarray(corners, int).reshape(-1, 2)
+    if not len(corners):
+        return set()
+    covered = np.zeros(corners.max(axis=0)[::-1] + size, np.uint8)
+    for u, v in corners:
+        covered[v : v + size, u : u + size] = 1
+    blocks = cv2.connectedComponentsWithStats(covered, connectivity=8)[2][1:]
+    return {(int(u), int(v), int(u + w), int(v + h)) for u, v, w, h, _ in blocks}
 
 
 def chi_square_bound(degrees: int, sigmas: float = 5.0) -> float:

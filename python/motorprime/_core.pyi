@@ -19,6 +19,8 @@ __all__ = [
     "intersections",
     "kernel_landscape",
     "kernel_landscapes",
+    "merge_hits",
+    "merge_windows",
     "sample",
     "surf",
     "threshold",
@@ -106,6 +108,8 @@ def hue_saturation_bins(
     out: npt.NDArray[np.uint16] | None,
     /,
 ) -> npt.NDArray[np.uint16]: ...
+def merge_windows(corners: npt.NDArray[np.int32], size: int, /) -> npt.NDArray[np.int32]: ...
+def merge_hits(scores: _Landscape, hit: float, size: int, /) -> npt.NDArray[np.int32]: ...
 def window_intersections(
     rgb: npt.NDArray[np.uint8],
     corners: npt.NDArray[np.int32],

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from .. import _core
 from .._arrays import not_negative, numbers
 from ..errors import ArgumentError, ArgumentTypeError
 from ..tiling import looked_at
 from ..where import Tiles, Where
 from .base import Detections
-from .positions import pixels_of
 
 TOUCH = 2.0
 """A box that ends so near to its tile's border [px] is cut by it."""
@@ -97,49 +96,28 @@ def check_overlap(overlap: npt.ArrayLike) -> float:
     return share
 
 
-def merge_windows(corners: NDArray[np.integer], size: int) -> NDArray[np.float32]:
-    """Windows that hit, as one detection for all that overlap or touch, be it by way of others.
+def merge_windows(corners: NDArray[np.integer], size: int) -> NDArray[np.int32]:
+    """Windows that hit as detections: those that overlap or touch, be it by way of others, are one.
 
     Args:
         corners: (K, 2) upper left pixels (u, v) of windows that hit.
         size: of the windows [px].
 
     Returns:
-        Boxes (N, 4), half-open, around the windows of each group, in the order of the first of them.
+        Boxes (N, 4), half-open, around the windows of each group, in no special order.
     """
-    left = np.asarray(corners, dtype=np.int64)
-    boxes: list[NDArray[np.int64]] = []
-    while len(left):
-        inside = np.zeros(len(left), dtype=np.bool_)
-        inside[0], fresh = True, left[:1]
-        while len(fresh):
-            near = (np.abs(left[:, None] - fresh).max(axis=2) <= size).any(axis=1)
-            fresh = left[near & ~inside]
-            inside |= near
-        boxes.append(np.concatenate([left[inside].min(axis=0), left[inside].max(axis=0) + size]))
-        left = left[~inside]
-    return np.array(boxes, dtype=np.float32).reshape(-1, 4)
+    return _core.merge_windows(np.ascontiguousarray(corners, dtype=np.int32), size)
 
 
-def merge_hits(hits: NDArray[np.bool_], size: int) -> NDArray[np.float32]:
+def merge_hits(scores: NDArray[np.float32], hit: float, size: int) -> NDArray[np.int32]:
     """As :func:`merge_windows`, for windows that were all scored.
 
     Args:
-        hits: (H - size + 1, W - size + 1), set where the window with that upper left pixel hits.
+        scores: (H - size + 1, W - size + 1), of the windows with these upper left pixels.
+        hit: score from which a window hits.
         size: of the windows [px].
-
-    Returns:
-        Boxes (N, 4), half-open, in another order.
     """
-    rows, columns = (np.flatnonzero(hits.any(axis=axis)) for axis in (1, 0))
-    if not rows.size:
-        return np.zeros((0, 4), dtype=np.float32)
-    first = np.array([columns[0], rows[0]])
-    # Windows touch as blocks of pixels do.
-    spread = pixels_of(hits[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], size)
-    stats = cv2.connectedComponentsWithStats(spread.view(np.uint8), connectivity=8)[2][1:]
-    corners = first + stats[:, :2]
-    return np.hstack([corners, corners + stats[:, 2:4]]).astype(np.float32)
+    return _core.merge_hits(scores, hit, size)
 
 
 def suppress(boxes: NDArray[np.float32], scores: NDArray[np.float32], overlap: float) -> NDArray[np.intp]:

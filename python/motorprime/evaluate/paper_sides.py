@@ -61,7 +61,7 @@ class Histogram:
             with stages.time("scan"):
                 scores = intersections(bins, target, (WINDOW, WINDOW))
             with stages.time("merging"):
-                found[camera] = _centres(merge_hits(scores >= HIT, WINDOW))
+                found[camera] = _centres(merge_hits(scores, HIT, WINDOW))
         return found
 
     def attended(self, images: Mapping[str, Image], where: Mapping[str, Attended], stages: Stages) -> Found:

@@ -1,19 +1,20 @@
-//! Binding of the colour histograms: bins of pixels, and windows of an image that is not yet converted.
+//! Binding of the colour histograms: bins of pixels, windows of an image that is not yet converted, and hits.
 
 use std::cell::Cell;
 
 use numpy::ndarray::{Ix1, Ix2, Ix3};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use super::arrays::{created, empty, release, writable};
 use super::errors::format_shape;
 use super::plain::{plain, shape_of};
-use super::scalars::{pair, whole};
+use super::scalars::{pair, real, whole};
 use super::scan::shares;
 use super::scratch;
 use crate::colours::Colours;
 use crate::error::Error;
+use crate::scan::merge::{Hull, merge_corners, merge_scores};
 use crate::scan::{Picture, Scan, WindowSpace};
 use crate::shape::Shape;
 use crate::simd::Simd;
@@ -63,10 +64,7 @@ pub fn window_intersections<'py>(
     let target = shares(target)?;
     let window = pair("window", "(height, width)", window)?;
     let (image, shape) = image(rgb)?;
-    let corners = plain::<i32, Ix2>("corners", "an array (N, 2) of int32", "(N, 2)", corners)?;
-    if corners.shape()[1] != 2 {
-        return Err(Error::shape("corners", "(N, 2)", format_shape(corners.shape())).into());
-    }
+    let corners = corners_of(corners)?;
     let corners = corners.as_slice()?.as_chunks::<2>().0;
     let scan = Scan { target: &target, window, stride: 1, wanted: None };
     let scores = created(py, Ix1(corners.len()))?;
@@ -78,6 +76,59 @@ pub fn window_intersections<'py>(
     })?;
     drop(written);
     Ok(scores)
+}
+
+/// Boxes around groups of windows that touch, by their upper left pixels.
+#[pyfunction]
+#[pyo3(signature = (corners, size, /))]
+pub fn merge_windows<'py>(
+    py: Python<'py>,
+    corners: &Bound<'py, PyAny>,
+    size: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray2<i32>>> {
+    let size = side(size)?;
+    let corners = corners_of(corners)?;
+    let windows = corners.as_slice()?.as_chunks::<2>().0;
+    if let Some(k) = windows.iter().position(|&[u, v]| u.max(v) > i32::MAX - size || u.min(v) < 0) {
+        return Err(Error::element("corners", &[k], "pixels of an image", format!("{:?}", windows[k])).into());
+    }
+    boxes(py, &merge_corners(windows, size))
+}
+
+/// The same for the windows of a scan that reach a score.
+#[pyfunction]
+#[pyo3(signature = (scores, hit, size, /))]
+pub fn merge_hits<'py>(
+    py: Python<'py>,
+    scores: &Bound<'py, PyAny>,
+    hit: &Bound<'py, PyAny>,
+    size: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray2<i32>>> {
+    let (size, hit) = (side(size)?, real("hit", hit)? as f32);
+    let scores = plain::<f32, Ix2>("scores", "an array (H, W) of float32", "(H, W)", scores)?;
+    boxes(py, &merge_scores(scores.as_slice()?, scores.shape()[1], hit, size))
+}
+
+fn boxes<'py>(py: Python<'py>, hulls: &[Hull]) -> PyResult<Bound<'py, PyArray2<i32>>> {
+    let mut found = empty::<i32>(py, [hulls.len(), 4])?;
+    found.as_slice_mut()?.copy_from_slice(hulls.as_flattened());
+    Ok(release(found))
+}
+
+/// The side of a window, such that no sum of two coordinates overflows.
+fn side(size: &Bound<'_, PyAny>) -> PyResult<i32> {
+    const MOST: u64 = 1 << 30;
+    let value = whole("size", size, 1)?;
+    let fits = i32::try_from(value).ok().filter(|_| value <= MOST);
+    Ok(fits.ok_or_else(|| Error::scalar("size", format!("at most {MOST}"), value))?)
+}
+
+fn corners_of<'py>(corners: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py, i32>> {
+    let corners = plain::<i32, Ix2>("corners", "an array (N, 2) of int32", "(N, 2)", corners)?;
+    if corners.shape()[1] != 2 {
+        return Err(Error::shape("corners", "(N, 2)", format_shape(corners.shape())).into());
+    }
+    Ok(corners)
 }
 
 fn colours(

@@ -8,6 +8,7 @@
 
 mod band;
 mod boxes;
+pub mod merge;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
