@@ -105,7 +105,7 @@ def evaluate_paper(
     The histogram detector scores windows of 20 x 20 px by the intersection of histograms: all of them, one
     pixel apart, on the one side; 50 for each eye, sampled from the landscape, on the other. SURF with a
     Hessian threshold of 300 looks at all pixels, or at the 30 % that are most relevant, and in the next cycle
-    at those that are it among the others. Both sides work on both eyes' images on one thread, in turn; time
+    at those that are it among the others. Both sides work on both eyes' images on one thread, in turn. Time
     is the processor's, and the attended side's begins with the posture or the plan. What the detectors look for
     is learned beforehand.
 

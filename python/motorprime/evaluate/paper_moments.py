@@ -141,7 +141,7 @@ def _reach(
         # What stands about does not move during a reach, but for a glass that is pushed.
         for angles, place, joints, path in (stopped[k] for k in chosen):
             world.place(angles)
-            world.bullet.resetBasePositionAndOrientation(trial.stage.scene.glass, place, (0, 0, 0, 1))
+            world.put(trial.stage.scene.glass, place)
             moments.append(_show(trial.stage, joints, path, generator))
         return moments
 
@@ -162,8 +162,8 @@ def _stand_beside(stage: Stage, generator: np.random.Generator) -> None:
 
 def _show(stage: Stage, joints: Floats, path: Floats | None, generator: np.random.Generator) -> PaperMoment:
     """Take the pictures of one posture: with the glass, with the card, without and with things alike."""
-    scene, bullet = stage.scene, stage.world.bullet
-    eyes = Eyes(stage.world, light=stage.eyes.light)
+    scene, world = stage.scene, stage.world
+    eyes = Eyes(world, light=stage.eyes.light)
     assert scene.glass is not None
     place = scene.glass_pose()[0]
     red = np.full((8, 8, 3), np.rint(np.multiply(stage.layout.glass.rgb, 255.0)), np.uint8)
@@ -171,18 +171,18 @@ def _show(stage: Stage, joints: Floats, path: Floats | None, generator: np.rando
     alike = _stand_alike(stage, place, red, "red", generator)
     cluttered["histogram"] = _sight(eyes, scene.glass)
     for body in alike:
-        bullet.removeBody(body)
-    bullet.resetBasePositionAndOrientation(scene.glass, AWAY, (0, 0, 0, 1))
+        world.remove(body)
+    world.put(scene.glass, AWAY)
     head = np.mean([view.pose[:3, 3] for view in stage.eyes.views().values()], axis=0)
     middle = np.array([place[0], place[1], TABLE_HEIGHT + CARD[1] / 2 + 0.001])
     turn = float(np.arctan2(head[1] - place[1], head[0] - place[0]))
-    card = stand_card(stage.world, scene.folder / "card", printed(), middle, CARD, turn=turn, lean=LEAN)
+    card = stand_card(world, scene.folder / "card", printed(), middle, CARD, turn=turn, lean=LEAN)
     plain["surf"] = _sight(eyes, card)
     alike = _stand_alike(stage, place, printed(), "print", generator)
     cluttered["surf"] = _sight(eyes, card)
     for body in (card, *alike):
-        bullet.removeBody(body)
-    bullet.resetBasePositionAndOrientation(scene.glass, place, (0, 0, 0, 1))
+        world.remove(body)
+    world.put(scene.glass, place)
     return PaperMoment(joints, path, stage.layout.glass, plain, cluttered)
 
 

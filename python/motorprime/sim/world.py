@@ -260,6 +260,10 @@ class World:
         """Put a body's origin at ``place`` (3,) [m] in the root frame, upright."""
         self.bullet.resetBasePositionAndOrientation(body, fixed("place", place, (3,)).tolist(), (0, 0, 0, 1))
 
+    def remove(self, body: int) -> None:
+        """Take a body away."""
+        self.bullet.removeBody(body)
+
     def torque(self, joint: str) -> float:
         """Torque [N m] that the motor of a URDF joint applied in the last step."""
         return float(self.bullet.getJointState(self.body, self.joint_index[joint])[3])
