@@ -106,8 +106,8 @@ def evaluate_paper(
     pixel apart, on the one side; 50 for each eye, sampled from the landscape, on the other. SURF with a
     Hessian threshold of 300 looks at all pixels, or at the 30 % that are most relevant, and in the next cycle
     at those that are it among the others. Both sides work on both eyes' images on one thread, in turn. Time
-    is the processor's, and the attended side's begins with the posture or the plan. What the detectors look for
-    is learned beforehand.
+    is the processor's, and the attended side's begins with the posture or the plan. What the detectors look
+    for is learned beforehand.
 
     Args:
         robot: with its URDF.

@@ -129,7 +129,8 @@ def _reach(
         cloud=cloud_of(robot),
     )
     with trial:
-        world, stopped = trial.stage.world, []
+        world, glass, stopped = trial.stage.world, trial.stage.scene.glass, []
+        assert glass is not None
         for cycle in trial.run():
             if cycle.phase == "grasp":
                 break
@@ -141,7 +142,7 @@ def _reach(
         # What stands about does not move during a reach, but for a glass that is pushed.
         for angles, place, joints, path in (stopped[k] for k in chosen):
             world.place(angles)
-            world.put(trial.stage.scene.glass, place)
+            world.put(glass, place)
             moments.append(_show(trial.stage, joints, path, generator))
         return moments
 
