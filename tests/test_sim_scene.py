@@ -285,11 +285,9 @@ def test_another_seed_of_textures_is_another_room(icub):
 
 def test_closing_removes_the_textures_folder(world):
     scene = Scene(world, layout(clutter=0))
-    folder = scene._folder.name
+    assert scene.folder.is_dir()
     scene.close()
-    from pathlib import Path
-
-    assert not Path(folder).exists()
+    assert not scene.folder.exists()
 
 
 def test_the_robot_is_shown_the_glass_alone_and_always_the_same():
