@@ -44,10 +44,10 @@ impl Colours {
     }
 
     /// Writes the bin of every pixel, `hue bin * saturations + saturation bin`; [`Colours::count`] for those
-    /// that have none. There are three bytes of RGB for each.
+    /// that have none.
     ///
     /// # Errors
-    /// There are not.
+    /// Another number of bytes than three for each pixel.
     pub fn bins(self, simd: Simd, rgb: &[u8], out: &mut [u16]) -> Result<()> {
         if rgb.len() != 3 * out.len() {
             let expected = format!("of {} x 3 elements", out.len());

@@ -9,7 +9,6 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import shipped
 from .._arrays import Floats
 from ..attention import Look
 from ..control.clearance import hand_points
@@ -17,9 +16,9 @@ from ..errors import NotInViewError
 from ..motorplan import all_involved, pixel_landscapes
 from ..robot import Robot
 from ..saliency import fine_grained, spectral_residual, weighted
-from ..tasks.cycle import Cycle, Settings
+from ..tasks.cycle import Cycle
 from ..tasks.pick_trial import PickTrial
-from .trials import cloud_of
+from .trials import reach_of
 
 METHODS = (
     "uniform",
@@ -67,15 +66,7 @@ def moments(robot: Robot, seed: int, number: int) -> list[Moment] | None:
     Returns:
         None where the robot did not set out.
     """
-    trial = PickTrial(
-        robot,
-        [seed, number],
-        shipped.coupled_dynamics(),
-        obstacle=True,
-        settings=Settings(compare=False),
-        cloud=cloud_of(robot),
-    )
-    with trial:
+    with reach_of(robot, seed, number, obstacle=True) as trial:
         left = int(np.random.default_rng([seed, number, 1]).integers(*UNDER_WAY))
         found: list[Moment] = []
         for cycle in trial.run():

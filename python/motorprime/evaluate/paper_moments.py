@@ -13,18 +13,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import shipped
 from .._arrays import Floats
 from ..robot import Robot
 from ..sim.cameras import Eyes
 from ..sim.cards import stand_card
 from ..sim.glass import Glass, draw_glass
 from ..sim.scene import CANISTER, TABLE_HEIGHT, TABLE_X, TABLE_Y, draw_layout
-from ..tasks.cycle import Settings
-from ..tasks.pick_trial import PickTrial
 from ..tasks.staging import Stage, strike_seeing_posture
 from .textures import draw_texture
-from .trials import cloud_of
+from .trials import reach_of
 
 Kind = Literal["peripersonal", "motorplan"]
 DETECTORS = ("histogram", "surf")
@@ -34,7 +31,7 @@ CARD = (0.09, 0.12)
 LEAN = np.deg2rad(35.0)  # of cards on the table: the eyes look down at them
 PRINT = (120, 90)
 """Height and width of its picture [px]: about as large as it is seen."""
-OF_A_REACH = 5
+OF_A_REACH = 5  # moments of it, at most
 AWAY = (400.0, 0.0, 0.0)  # out of sight [m]
 PRINT_SEED = 7
 NOISE = 2.0  # of the sensors [grey levels]
@@ -120,15 +117,7 @@ def paper_moments(robot: Robot, kind: Kind, seed: int, number: int, *, obstacle:
 def _reach(
     robot: Robot, seed: int, number: int, obstacle: bool, generator: np.random.Generator
 ) -> list[PaperMoment]:
-    trial = PickTrial(
-        robot,
-        [seed, number],
-        shipped.coupled_dynamics(),
-        obstacle=obstacle,
-        settings=Settings(compare=False),
-        cloud=cloud_of(robot),
-    )
-    with trial:
+    with reach_of(robot, seed, number, obstacle=obstacle) as trial:
         world, glass, stopped = trial.stage.world, trial.stage.scene.glass, []
         assert glass is not None
         for cycle in trial.run():

@@ -28,7 +28,7 @@ WINDOW, WINDOWS, HIT = 20, 50, 0.3
 """Side of the histogram's windows [px], how many are drawn for each eye, and the intersection of a hit."""
 FRACTION, THRESHOLD, MATCHES = 0.3, 300.0, 8
 """Share of the pixels that SURF looks at, its Hessian threshold, and keypoints that must agree."""
-MIXING = 0.2
+MIXING = 0.2  # pi of Eq. 10, for windows
 
 Found = Mapping[str, Floats]
 """Centres (N, 2) of (u, v) of what was found in each camera."""
@@ -147,7 +147,7 @@ class Gaze:
             kept: arrays of earlier cycles, to be written again.
         """
         shapes = self.projection.shapes
-        look: dict[str, float] = {"fraction": FRACTION} if masks else {"windows": WINDOWS}
+        windows, fraction = (None, FRACTION) if masks else (WINDOWS, None)
         if moment.path is None:
             with stages.time("landscape and choice"):
                 seen = attention_step(
@@ -157,13 +157,16 @@ class Gaze:
                     mixing=1.0 if masks else MIXING,
                     seed=seed,
                     out=kept,
-                    **look,  # type: ignore[arg-type]
+                    windows=windows,
+                    fraction=fraction,
                 )
         else:
             with stages.time("projection"):
                 pixels = self.projection.project(moment.path, moment.joints)
             with stages.time("landscape and choice"):
-                seen = attention_step(None, shapes, pixels=pixels, seed=seed, out=kept, **look)  # type: ignore[arg-type]
+                seen = attention_step(
+                    None, shapes, pixels=pixels, seed=seed, out=kept, windows=windows, fraction=fraction
+                )
         kept |= seen
         return seen
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
+from .. import shipped
 from ..learning.workers import run
 from ..peripersonal import ReachCloud
 from ..robot import Robot
+from ..tasks.cycle import Settings
+from ..tasks.pick_trial import PickTrial
 from .common import Progress
 
 Asked = TypeVar("Asked")
@@ -26,6 +29,18 @@ def cloud_of(robot: Robot) -> ReachCloud:
     if robot.urdf not in _CLOUDS:
         _CLOUDS[robot.urdf] = ReachCloud(robot)
     return _CLOUDS[robot.urdf]
+
+
+def reach_of(robot: Robot, seed: int, number: int, *, obstacle: bool) -> PickTrial:
+    """One scene of a series in which the robot sets out for the glass, by what its eyes see alone."""
+    return PickTrial(
+        robot,
+        [seed, number],
+        shipped.coupled_dynamics(),
+        obstacle=obstacle,
+        settings=Settings(compare=False),
+        cloud=cloud_of(robot),
+    )
 
 
 _CLOUDS: dict[Any, ReachCloud] = {}
