@@ -51,6 +51,7 @@ NEAR = 0.06  # from here [m] the hand hides the target, and what is known of it 
 SIDES = 3  # of the target to which a way is sought, the most comfortable first,
 WARY = 3.0  # how much more the arm heeds what stands about while it is on its way
 APART = float(np.deg2rad(25.0))  # so far apart
+KEPT_OFF = 0.014  # of what stands about [m]: some of it goes to an arm that lags behind its commands
 SHIFTED = 0.015  # an obstacle that is so far [m] from where it was asks for a new plan
 STARTLED = 1.0  # so long [s] after a jump or a loss attention is wider,
 WIDER = 2.0  # this many times
@@ -142,7 +143,7 @@ class Pick(Seeker):
     def _avoid(self) -> None:
         """Let the arm keep off what is known to stand about, and off the target until the last leg."""
         assert self.estimate is not None
-        self._avoided = [Obstacle(shape, place) for place, shape in self.known_obstacles]
+        self._avoided = [Obstacle(shape, place, KEPT_OFF) for place, shape in self.known_obstacles]
         self._target = Obstacle(self.target.shape, self.estimate)
         arm = self.controller.arm
         self.controller.arm = arm.over(self.bench, self._avoided)

@@ -38,6 +38,7 @@ PLAN_POINTS = (
 )
 BEYOND = 10
 HAND_IN_THE_WAY = 3  # postures searched in vain before the hand is put aside
+BLOCKED, BACK_OFF = 0.25, 6  # a joint so far [rad] behind its command has met something: so many steps back
 
 
 @dataclass(frozen=True)
@@ -322,6 +323,7 @@ class Seeker:
         pose = self.solver.palm(angles)
         left = np.array([0.0, -1.0, 0.0])
         path = PalmPath(pose[:3, 3], np.array(place), left, duration=2.0, bulge=(0.06, 0.0, 0.2), run_up=0.0)
+        passed = [angles]
         for moment in np.arange(PERIOD, path.duration + PERIOD, PERIOD):
             share = float(minimum_jerk(moment / path.duration))
             angles = self.solver.solve(
@@ -332,7 +334,16 @@ class Seeker:
                 facing_weight=0.5 * share,
                 keep=self.body.robot.torso,
             )
-            self.body.move(dict(zip(self.solver.names, map(float, angles), strict=True)), PERIOD)
+            self._pose(angles)
+            if np.abs(self._angles() - angles).max() > BLOCKED:
+                # It has met something not seen yet: rather in the view than leaning on that.
+                for earlier in passed[: -BACK_OFF - 1 : -1]:
+                    self._pose(earlier)
+                return
+            passed.append(angles)
+
+    def _pose(self, angles: Floats) -> None:
+        self.body.move(dict(zip(self.solver.names, map(float, angles), strict=True)), PERIOD)
 
     def _turn_gaze(self, posture: Floats) -> None:
         robot = self.body.robot
