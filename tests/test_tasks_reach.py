@@ -17,6 +17,7 @@ from motorprime.sim.scene import Layout, Scene
 from motorprime.sim.world import World, pybullet
 from motorprime.tasks.cycle import Settings
 from motorprime.tasks.reach import PERIOD, Reach
+from motorprime.tasks.seeker import BACK_OFF
 from motorprime.tasks.simulated import SimulatedBody
 from motorprime.tasks.staging import Stage, strike_start, target_of
 from motorprime.tasks.trial import BENCH, TOLERANCE, Trial
@@ -63,6 +64,7 @@ sys.modules["pybullet"] = None
 sys.path.insert(0, {str(sys.path[0])!r}); sys.path.insert(0, "tests")
 from motorprime import ICUB, Attention, KinematicProjection, ReachCloud
 from motorprime.tasks.cycle import Settings
+from motorprime.tasks.seeker import BACK_OFF
 from motorprime.tasks.reach import PERIOD, Reach
 from painted_body import BENCH, PaintedBody, target
 robot = ICUB.with_urdf({str(icub.urdf)!r})
@@ -131,6 +133,28 @@ def test_a_hand_in_the_way_is_put_aside_and_nothing_else(icub, cloud):
     palm = task.solver.palm(task.body.read(task.solver.names))
     np.testing.assert_allclose(palm[:3, 3], icub.aside, atol=0.08)  # roughly: out of the way is enough
     assert apply(palm, HAND)[:, 2].min() > BENCH.height
+
+
+def test_a_hand_that_something_blocks_on_its_way_aside_backs_off(icub, cloud):
+    task = painted(icub, cloud, None, settings=Settings(patience=1, postures=5, compare=False))
+    body, move = task.body, task.body.move
+    commanded = []
+
+    def blocked(targets, seconds):
+        if "r_elbow" not in targets:
+            move(targets, seconds)
+            return
+        commanded.append(np.array([targets[name] for name in task.solver.names]))
+        turn = body.read(task.solver.names) if 8 < len(commanded) < 14 else commanded[-1]
+        move(dict(zip(task.solver.names, map(float, turn), strict=True)), seconds)
+
+    body.move = blocked
+    list(task.run())
+    met = len(commanded) - 1 - BACK_OFF
+    assert 8 <= met < 13
+    # The same way back, and no farther.
+    np.testing.assert_array_equal(commanded[met + 1 :], commanded[met - 1 : met - 1 - BACK_OFF : -1])
+    assert np.linalg.norm(task.solver.palm(commanded[-1])[:3, 3] - icub.aside) > 0.1
 
 
 def test_out_of_reach_is_refused_before_the_arm_moves(icub, cloud):
