@@ -473,6 +473,20 @@ def test_a_rehearsal_forgives_so_much_and_no_more(arm, start, postures, learned,
         assert controller.rehearse(motion) is passed
 
 
+def test_what_only_the_wary_arm_keeps_off_is_forgiven_on_the_way_alone(arm, start, postures, learned):
+    controller = begun(arm, start, learned)
+    controller.spare = 0.004
+    motion = simulate(learned, controller.state, legs(arm, postures))
+    for share, passed in ((0.99, True), (1.01, False)):
+        deep, clear = Scripted(arm, depth=GRAZE + share * controller.spare), Scripted(arm)
+        controller.arm, controller.careful, controller.wary = clear, clear, deep
+        assert controller.rehearse(motion) is passed
+        for name in ("arm", "careful"):
+            controller.arm, controller.careful, controller.wary = clear, clear, clear
+            setattr(controller, name, deep)
+            assert not controller.rehearse(motion)
+
+
 def test_what_the_wary_arm_keeps_off_on_the_way_fails_it(arm, start, postures, learned):
     controller = begun(arm, start, learned)
     motion = simulate(learned, controller.state, legs(arm, postures))

@@ -52,6 +52,7 @@ class Controller:
             be touched; ``arm`` at first.
         wary: for all the way before that, on which it matters more to keep off things than where the palm
             is; ``arm`` at first.
+        spare: how much farther [m] ``wary`` keeps off things than it must.
         state: where eyes, palm and hand are commanded to be.
         angles: of torso and arm (n,) [rad], as commanded.
         slim: how far the hand is in its slim shape, 0 to 1.
@@ -61,6 +62,7 @@ class Controller:
     def __init__(self, dynamics: CoupledDynamics, arm: PoseSolver, grasp: SideGrasp = SIDE_GRASP) -> None:
         self.dynamics, self.arm, self.careful, self.wary = dynamics, arm, arm, arm
         self.grasp, self.robot = grasp, arm.robot
+        self.spare = 0.0
         self.state: State | None = None
         self.angles: Floats = arm.rest
         self.slim = 0.0
@@ -164,7 +166,8 @@ class Controller:
             arm = self._arm_for(motion.legs[leg:], palms[k])
             found = arm.nearest(palms[k], angles, hold=hold, restarts=0)
             leap, off = float(np.abs(found.angles - angles).max()), found.position_error
-            if off > AWRY or found.depth > GRAZE or leap > LEAP:
+            graze = GRAZE + (self.spare if arm is self.wary else 0.0)
+            if off > AWRY or found.depth > graze or leap > LEAP:
                 return False
             angles = found.angles
             postures.append(angles)

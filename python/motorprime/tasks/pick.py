@@ -51,7 +51,7 @@ NEAR = 0.06  # from here [m] the hand hides the target, and what is known of it 
 SIDES = 3  # of the target to which a way is sought, the most comfortable first,
 WARY = 3.0  # how much more the arm heeds what stands about while it is on its way
 APART = float(np.deg2rad(25.0))  # so far apart
-KEPT_OFF = 0.014  # of what stands about [m]: some of it goes to an arm that lags behind its commands
+SPARE = 0.004  # so much farther [m] the arm keeps off things on its way: it lags behind its commands
 SHIFTED = 0.015  # an obstacle that is so far [m] from where it was asks for a new plan
 STARTLED = 1.0  # so long [s] after a jump or a loss attention is wider,
 WIDER = 2.0  # this many times
@@ -143,12 +143,14 @@ class Pick(Seeker):
     def _avoid(self) -> None:
         """Let the arm keep off what is known to stand about, and off the target until the last leg."""
         assert self.estimate is not None
-        self._avoided = [Obstacle(shape, place, KEPT_OFF) for place, shape in self.known_obstacles]
+        self._avoided = [Obstacle(shape, place) for place, shape in self.known_obstacles]
         self._target = Obstacle(self.target.shape, self.estimate)
         arm = self.controller.arm
         self.controller.arm = arm.over(self.bench, self._avoided)
         self.controller.careful = arm.over(self.bench, [*self._avoided, self._target])
-        self.controller.wary = arm.over(self.bench, [*self._avoided, self._target], wary=WARY)
+        farther = [replace(obstacle, distance=obstacle.distance + SPARE) for obstacle in self._avoided]
+        self.controller.wary = arm.over(self.bench, [*farther, self._target], wary=WARY)
+        self.controller.spare = SPARE
 
     def _legs(self) -> tuple[Leg, Leg]:
         """To pre-grasp and grasp, moved with the target by what little it has since the grasp was chosen."""

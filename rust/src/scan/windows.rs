@@ -14,6 +14,9 @@ const BLOCK: usize = 16;
 pub struct WindowSpace {
     /// A bit for each pixel of the image that a window covers, rows padded to whole words.
     covered: Vec<u64>,
+    /// The covered pixels one after the other, as runs of the image's: where each begins, and its length.
+    runs: Vec<[usize; 2]>,
+    rgb: Vec<u8>,
     bins: Vec<u16>,
     /// The place of each covered pixel's bin among the target's.
     slots: Vec<u16>,
@@ -120,27 +123,34 @@ impl Windows<'_> {
     /// Looks up the slots of the marked pixels.
     #[inline(always)]
     fn convert(&mut self) {
-        let Picture { rgb, shape, colours } = self.picture;
+        let Picture { rgb: image, shape, colours } = self.picture;
         let width = shape.width();
-        let WindowSpace { covered, bins, slots, .. } = &mut *self.space;
-        bins.resize(width, 0);
-        slots.resize(shape.pixels(), 0);
+        let WindowSpace { covered, runs, rgb, bins, slots, .. } = &mut *self.space;
+        // A run is too short to fill the registers; all of them together are not.
+        runs.clear();
+        rgb.clear();
         for (v, words) in covered.chunks_exact(width.div_ceil(64)).enumerate() {
-            let (mut from, mut end) = (0, 0);
+            let mut end = 0;
             loop {
-                // The next run of marked pixels.
-                from = next(words, end, width, false).max(from);
+                let from = next(words, end, width, false);
                 if from == width {
                     break;
                 }
                 end = next(words, from, width, true);
-                let run = v * width + from..v * width + end;
-                let bins = &mut bins[..run.len()];
-                convert(colours, &rgb[3 * run.start..3 * run.end], bins);
-                for (slot, &bin) in slots[run].iter_mut().zip(&*bins) {
-                    *slot = self.slots.of[usize::from(bin)];
-                }
+                runs.push([v * width + from, end - from]);
+                rgb.extend_from_slice(&image[3 * (v * width + from)..3 * (v * width + end)]);
             }
+        }
+        bins.resize(rgb.len() / 3, 0);
+        convert(colours, rgb, bins);
+        slots.resize(shape.pixels(), 0);
+        let mut rest = &bins[..];
+        for &[first, length] in &*runs {
+            let (bins, others) = rest.split_at(length);
+            for (slot, &bin) in slots[first..][..length].iter_mut().zip(bins) {
+                *slot = self.slots.of[usize::from(bin)];
+            }
+            rest = others;
         }
     }
 
