@@ -479,6 +479,7 @@ def test_what_only_the_wary_arm_keeps_off_is_forgiven_on_the_way_alone(arm, star
     motion = simulate(learned, controller.state, legs(arm, postures))
     for share, passed in ((0.99, True), (1.01, False)):
         deep, clear = Scripted(arm, depth=GRAZE + share * controller.spare), Scripted(arm)
+        deep._arm = clear._arm = SimpleNamespace(goal=motion.simulated.path[-1], palm=arm.palm)
         controller.arm, controller.careful, controller.wary = clear, clear, deep
         assert controller.rehearse(motion) is passed
         for name in ("arm", "careful"):
