@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 import motorprime as mp
 import reference
 from motorprime import Attended, Mlp, attention_step
-from motorprime.errors import ArgumentError, NotInViewError
+from motorprime.errors import ArgumentError, ArgumentTypeError, NotInViewError
 from motorprime.landscape import gaussian_landscape, gibbs_sample, kernel_landscape, threshold
-from step_rig import BLIND, JOINTS, MAPS, MATRIX, PIXELS, POINTS, PROJECTOR, SHAPES, moved, network
+from step_rig import BLIND, JOINTS, MAPS, MATRIX, PIXELS, POINTS, POSTURE, PROJECTOR, SHAPES, moved, network
 
 examples = settings(deadline=None, derandomize=True, max_examples=250)
 
@@ -402,3 +402,60 @@ def test_a_result_is_frozen(field):
     one = attention_step(MAPS, SHAPES, POINTS, JOINTS, windows=9)["left"]
     with pytest.raises(AttributeError):
         setattr(one, field, None)
+
+
+@examples
+@given(shapes, paths, st.integers(1, 90), st.floats(1.0, 20.0), kernels, looks, seeds)
+def test_a_stride_gives_the_landscape_of_a_smaller_image(shape, path, stride, wide, kernel, look, seed):
+    width, options = wide * stride, {"kernel": kernel, "seed": seed} | look
+    small = tuple(-(-side // stride) for side in shape)
+    centred = (path - (stride - 1) / 2) / stride if stride > 1 else path
+    if np.isnan(path).any(axis=1).all():
+        return
+    if "count" in look:
+        look = {"count": -(-look["count"] // stride**2)}
+    right = composed({"a": centred}, {"a": small}, width=width / stride, **(options | look))
+    found = attention_step(None, {"a": shape}, pixels={"a": path}, width=width, stride=stride, **options)
+    assert list(found) == list(right)
+    for camera, one in found.items():
+        assert one.landscape.tobytes() == right[camera].landscape.tobytes()
+        if one.mask is not None:
+            whole = right[camera].mask.repeat(stride, axis=0).repeat(stride, axis=1)
+            np.testing.assert_array_equal(one.mask, whole[: shape[0], : shape[1]])
+        else:
+            np.testing.assert_array_equal(one.centres // stride, right[camera].centres)
+            assert (one.centres >= 0).all()
+            assert (one.centres < shape[::-1]).all()
+
+
+def test_ellipses_have_strides_too():
+    found = attention_step({"a": POSTURE}, {"a": (48, 64)}, joints=JOINTS, fraction=0.2, stride=3)["a"]
+    u, v, l1, l2, l3 = POSTURE(np.asarray(JOINTS)[None])[0].astype(float).tolist()
+    chol = (math.exp(l1) / 3, l2 / 3, math.exp(l3) / 3)
+    right = gaussian_landscape(((u - 1) / 3, (v - 1) / 3), chol, (16, 22))
+    np.testing.assert_allclose(found.landscape, right, atol=1e-6)
+    every = attention_step({"a": POSTURE}, {"a": (48, 64)}, joints=JOINTS, fraction=0.2)["a"]
+    np.testing.assert_allclose(found.landscape[:, :-1], every.landscape[1::3, 1::3], atol=1e-6)
+
+
+def test_windows_fall_on_every_pixel_of_a_cell_alike():
+    # A single cell, cut off by the border of the image: 3 x 5 of 8 x 8 pixels.
+    options = {"windows": 30_000, "stride": 8, "width": 40, "seed": 0}
+    centres = attention_step(None, {"a": (3, 5)}, pixels={"a": [[2.0, 1.0]]}, **options)["a"].centres
+    counts = np.bincount(centres[:, 1] * 5 + centres[:, 0], minlength=15)
+    assert len(counts) == 15
+    assert (abs(counts - 2000) < 5 * math.sqrt(2000)).all()
+
+
+@pytest.mark.parametrize("stride", [0, -1, 2**31, 1.5, "2", 6])
+def test_a_stride_is_a_number_of_pixels_and_smaller_than_the_kernel(stride):
+    with pytest.raises((ArgumentError, ArgumentTypeError), match="stride"):
+        attention_step(None, {"a": (9, 9)}, pixels={"a": [[4.0, 4.0]]}, windows=1, stride=stride, width=5)
+
+
+def test_arrays_of_another_stride_are_not_written_again():
+    given_ = {"shapes": {"a": (30, 40)}, "pixels": {"a": [[20.0, 15.0]]}, "fraction": 0.1}
+    coarse = attention_step(None, **given_, stride=2)
+    fine = attention_step(None, **given_, out=coarse)
+    assert fine["a"].landscape.shape == (30, 40)
+    assert attention_step(None, **given_, stride=2, out=coarse)["a"].landscape is coarse["a"].landscape

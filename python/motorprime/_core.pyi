@@ -129,6 +129,7 @@ def attention_step(
     mixing: float,
     fraction: float | None,
     count: int | None,
+    stride: int,
     seed: int,
     threads: bool,
     /,

@@ -67,8 +67,10 @@ class Windows:
             raise ArgumentError(
                 f"size: a window of {self.size} px does not fit into an image of {width} x {height}"
             )
-        corners = np.asarray(self.centres, dtype=np.intp) - self.size // 2
-        return np.clip(corners, 0, (width - self.size, height - self.size))
+        corners = np.subtract(self.centres, self.size // 2, dtype=np.intp)
+        # As `np.clip`, in half the time.
+        np.maximum(corners, 0, out=corners)
+        return np.minimum(corners, (width - self.size, height - self.size), out=corners)
 
 
 @dataclass(frozen=True, eq=False)

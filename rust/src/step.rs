@@ -12,7 +12,7 @@ use crate::kernel::{self, Kernel, Trajectory, Widths};
 use crate::masses::{Landscape, Masses};
 use crate::mlp::{self, Mlp};
 use crate::parallel;
-use crate::rng::Xoshiro256PlusPlus;
+use crate::rng::{Xoshiro256PlusPlus, uniform};
 use crate::shape::Shape;
 use crate::simd::Simd;
 use crate::support::Support;
@@ -67,13 +67,15 @@ pub struct Plan<'a> {
 pub struct View<'a> {
     /// Size of its image.
     pub shape: Shape,
+    /// Side [px] of the square cells of the image for which the landscape has one element each.
+    pub stride: usize,
     /// How the plan appears in it.
     pub map: Map<'a>,
     /// Kernel widths (horizontal, vertical) [px].
     pub width: [f64; 2],
     /// Starts the generator of the windows.
     pub seed: u64,
-    /// The landscape, one element per pixel.
+    /// The landscape, one element for each cell.
     pub landscape: &'a mut [f32],
     /// Where to look.
     pub look: Look<'a>,
@@ -132,21 +134,28 @@ impl View<'_> {
     /// # Errors
     /// As the kernels that it calls; a network that does not fit the joints.
     pub fn run(&mut self, simd: Simd, plan: &Plan<'_>, workspace: &mut Workspace) -> Result<Sight> {
+        let cells = Cells::of(self.shape, self.stride)?;
         if let Map::Ellipse(network) = self.map {
-            let gaussian = ellipse(simd, network, plan, workspace)?;
-            gaussian.landscape_on(simd, self.shape, &mut workspace.support, self.landscape)?;
+            let gaussian = cells.ellipse(ellipse(simd, network, plan, workspace)?);
+            gaussian.landscape_on(simd, cells.shape, &mut workspace.support, self.landscape)?;
         } else {
             project(simd, self.map, plan, workspace)?;
             if workspace.pixels.is_empty() {
                 return Ok(Sight::Behind);
             }
             let Workspace { pixels, kernel, support, .. } = workspace;
-            let widths = Widths::Common(self.width);
+            cells.path(pixels);
+            // A kernel between the centres of cells would leave no trace.
+            if self.stride > 1 && self.width.iter().any(|&width| width < cells.side) {
+                let expected = format!("at most the kernel's width, here {:?} px", self.width);
+                return Err(Error::scalar("stride", expected, self.stride));
+            }
+            let widths = Widths::Common(self.width.map(|width| width / cells.side));
             let path = Trajectory { points: pixels, widths, kernel: plan.kernel, weights: None };
-            path.landscape_on(simd, self.shape, kernel, support, self.landscape)?;
+            path.landscape_on(simd, cells.shape, kernel, support, self.landscape)?;
         }
         let rows = workspace.support.rows();
-        let inside = &self.landscape[rows.start * self.shape.width()..rows.end * self.shape.width()];
+        let inside = &self.landscape[rows.start * cells.shape.width()..rows.end * cells.shape.width()];
         // A support may be empty, and a tiny value at its rim may have become 0 in float32.
         if !inside.iter().any(|&p| p > 0.0) {
             return Ok(Sight::Beside);
@@ -156,25 +165,80 @@ impl View<'_> {
                 let Workspace { masses, support, .. } = workspace;
                 let mut rng = Xoshiro256PlusPlus::new(self.seed);
                 let landscape =
-                    Landscape { pixels: self.landscape, shape: self.shape, support: Some(support) };
+                    Landscape { pixels: self.landscape, shape: cells.shape, support: Some(support) };
                 let mut chain = Gibbs::new(simd, landscape, masses)?;
                 chain.start_drawn(&mut rng);
                 chain.run(&mut rng, u64::MAX, &mut Schedule::new(0, 1), centres);
+                if self.stride > 1 {
+                    let sides = [self.shape.width(), self.shape.height()];
+                    for pixel in centres.as_chunks_mut::<2>().0 {
+                        *pixel = std::array::from_fn(|k| within(pixel[k], self.stride, sides[k], &mut rng));
+                    }
+                }
                 Ok(Sight::Seen(None))
             }
             Look::Mask(wanted, mask) => {
-                let count = Wanted::Count(wanted.of(self.shape.pixels(), 1)? as u64);
-                let rows = Shape::new(rows.len(), self.shape.width())?;
+                let count = Wanted::Count(wanted.of(cells.shape.pixels(), self.stride)? as u64);
+                let rows = Shape::new(rows.len(), cells.shape.width())?;
                 let level =
                     threshold_on(simd, inside, rows, count, 1, Method::Select, &mut workspace.threshold)?;
                 self.shape.check("mask", mask.len())?;
-                for (m, &p) in mask.iter_mut().zip(&*self.landscape) {
-                    *m = f64::from(p) >= level;
+                if self.stride == 1 {
+                    for (m, &p) in mask.iter_mut().zip(&*self.landscape) {
+                        *m = f64::from(p) >= level;
+                    }
+                } else {
+                    let lines = self.landscape.chunks_exact(cells.shape.width());
+                    for (band, line) in mask.chunks_mut(self.shape.width() * self.stride).zip(lines) {
+                        let (first, others) = band.split_at_mut(self.shape.width());
+                        for (cell, &p) in first.chunks_mut(self.stride).zip(line) {
+                            cell.fill(f64::from(p) >= level);
+                        }
+                        others.chunks_exact_mut(first.len()).for_each(|row| row.copy_from_slice(first));
+                    }
                 }
                 Ok(Sight::Seen(Some(level)))
             }
         }
     }
+}
+
+/// An image in square cells, and places in it in units of them, with the centres of cells at whole numbers.
+struct Cells {
+    shape: Shape,
+    side: f64,
+    /// Centre of the first one [px].
+    first: f64,
+}
+
+impl Cells {
+    /// Cells of `side` pixels, of which the last ones in a row or a column may reach beyond the image.
+    fn of(image: Shape, side: usize) -> Result<Self> {
+        if side == 0 {
+            return Err(Error::scalar("stride", "at least 1", side));
+        }
+        let shape = Shape::new(image.height().div_ceil(side), image.width().div_ceil(side))?;
+        Ok(Self { shape, side: side as f64, first: (side as f64 - 1.0) / 2.0 })
+    }
+
+    fn path(&self, pixels: &mut [[f64; 2]]) {
+        // Not even the last bit changes where cells are pixels.
+        if self.side > 1.0 {
+            pixels.as_flattened_mut().iter_mut().for_each(|x| *x = (*x - self.first) / self.side);
+        }
+    }
+
+    fn ellipse(&self, of_pixels: Gaussian) -> Gaussian {
+        let mean = of_pixels.mean.map(|x| (x - self.first) / self.side);
+        Gaussian { mean, chol: of_pixels.chol.map(|x| x / self.side), ..of_pixels }
+    }
+}
+
+/// A pixel of a cell, each as likely as the others; along one axis, on which the image is `most` pixels long.
+fn within(cell: i32, side: usize, most: usize, rng: &mut Xoshiro256PlusPlus) -> i32 {
+    let first = cell as usize * side;
+    let pixels = side.min(most - first);
+    (first + ((uniform(rng) * pixels as f64) as usize).min(pixels - 1)) as i32
 }
 
 /// The pixels of the plan's points in front of the camera.

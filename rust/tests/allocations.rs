@@ -183,7 +183,7 @@ fn whole_cycles() {
                     Look::Windows(&mut centres)
                 };
                 let landscape = &mut out[..shape.pixels()];
-                let mut view = View { shape, map, width: [20.0, 15.0], seed: 7, landscape, look };
+                let mut view = View { shape, stride: 1, map, width: [20.0, 15.0], seed: 7, landscape, look };
                 let sight = view.run(simd, &plan, &mut space).unwrap();
                 seen += u32::from(matches!(sight, Sight::Seen(_)));
             }

@@ -29,6 +29,7 @@ WINDOW, WINDOWS, HIT = 20, 50, 0.3
 FRACTION, THRESHOLD, MATCHES = 0.3, 300.0, 8
 """Share of the pixels that SURF looks at, its Hessian threshold, and keypoints that must agree."""
 MIXING = 0.2  # pi of Eq. 10, for windows
+STRIDE = 4  # of the landscape that windows are drawn from [px]
 
 Found = Mapping[str, Floats]
 """Centres (N, 2) of (u, v) of what was found in each camera."""
@@ -147,7 +148,7 @@ class Gaze:
             kept: arrays of earlier cycles, to be written again.
         """
         shapes = self.projection.shapes
-        windows, fraction = (None, FRACTION) if masks else (WINDOWS, None)
+        windows, fraction, stride = (None, FRACTION, 1) if masks else (WINDOWS, None, STRIDE)
         if moment.path is None:
             with stages.time("landscape and choice"):
                 seen = attention_step(
@@ -159,13 +160,21 @@ class Gaze:
                     out=kept,
                     windows=windows,
                     fraction=fraction,
+                    stride=stride,
                 )
         else:
             with stages.time("projection"):
                 pixels = self.projection.project(moment.path, moment.joints)
             with stages.time("landscape and choice"):
                 seen = attention_step(
-                    None, shapes, pixels=pixels, seed=seed, out=kept, windows=windows, fraction=fraction
+                    None,
+                    shapes,
+                    pixels=pixels,
+                    seed=seed,
+                    out=kept,
+                    windows=windows,
+                    fraction=fraction,
+                    stride=stride,
                 )
         kept |= seen
         return seen

@@ -39,6 +39,7 @@ struct Camera<'py> {
     name: String,
     source: Source<'py>,
     shape: Shape,
+    stride: usize,
     width: [f64; 2],
     landscape: PyReadwriteArray2<'py, f32>,
     target: Target<'py>,
@@ -48,7 +49,7 @@ struct Camera<'py> {
 /// True for windows and the threshold for a mask.
 #[expect(clippy::too_many_arguments, reason = "they are the arguments of the Python function")]
 #[pyfunction]
-#[pyo3(signature = (cameras, points, joints, kernel, cutoff, mixing, fraction, count, seed, threads, /))]
+#[pyo3(signature = (cameras, points, joints, kernel, cutoff, mixing, fraction, count, stride, seed, threads, /))]
 pub fn attention_step<'py>(
     py: Python<'py>,
     cameras: &Bound<'py, PyList>,
@@ -59,6 +60,7 @@ pub fn attention_step<'py>(
     mixing: &Bound<'py, PyAny>,
     fraction: Option<&Bound<'py, PyAny>>,
     count: Option<&Bound<'py, PyAny>>,
+    stride: usize,
     seed: u64,
     threads: bool,
 ) -> PyResult<Vec<Py<PyAny>>> {
@@ -92,7 +94,7 @@ pub fn attention_step<'py>(
 
     let mut read = Vec::with_capacity(cameras.len());
     for camera in cameras {
-        read.push(Camera::read(camera.cast::<PyTuple>()?, wanted)?);
+        read.push(Camera::read(camera.cast::<PyTuple>()?, wanted, stride)?);
     }
     let pixels = read.iter().map(|camera| camera.shape.pixels()).sum();
     let path = given.is_some();
@@ -116,6 +118,7 @@ pub fn attention_step<'py>(
             };
             let view = View {
                 shape: camera.shape,
+                stride: camera.stride,
                 map,
                 width: camera.width,
                 seed: seed.wrapping_add(k),
@@ -149,7 +152,7 @@ pub fn attention_step<'py>(
 
 impl<'py> Camera<'py> {
     /// Reads (name, map, shape, width, landscape, centres or mask).
-    fn read(camera: &Bound<'py, PyTuple>, wanted: Option<Wanted>) -> PyResult<Self> {
+    fn read(camera: &Bound<'py, PyTuple>, wanted: Option<Wanted>, stride: usize) -> PyResult<Self> {
         let name: String = camera.get_item(0)?.extract()?;
         let [map, shape, width, landscape, look] = [1, 2, 3, 4, 5].map(|k| camera.get_item(k));
         let (map, shape, width, landscape, look) = (map?, shape?, width?, landscape?, look?);
@@ -165,8 +168,9 @@ impl<'py> Camera<'py> {
             }
             Some(wanted) => Target::Mask(wanted, writable::<bool, Ix2>(of_out("mask"), &look, &size, &[])?),
         };
-        let landscape = writable::<f32, Ix2>(of_out("landscape"), &landscape, &size, &[&map])?;
-        Ok(Self { source, shape, width: sides(&width)?, landscape, target, name })
+        let cells = size.map(|side| side.div_ceil(stride));
+        let landscape = writable::<f32, Ix2>(of_out("landscape"), &landscape, &cells, &[&map])?;
+        Ok(Self { source, shape, stride, width: sides(&width)?, landscape, target, name })
     }
 }
 
