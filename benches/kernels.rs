@@ -280,8 +280,16 @@ fn steps(c: &mut Criterion) {
                 };
                 let eyes = outs.iter_mut().zip(&mut spaces);
                 let tasks = eyes.map(|((landscape, centres), workspace)| {
-                    let (map, look) = (Map::Network(&network), Look::Windows(centres));
-                    let view = View { shape: image.shape, stride: 1, map, width: [40.0; 2], seed: 1, landscape, look };
+                    let (map, look) = (Map::Network(&network, None), Look::Windows(centres));
+                    let view = View {
+                        shape: image.shape,
+                        stride: 1,
+                        map,
+                        width: [40.0; 2],
+                        seed: 1,
+                        landscape,
+                        look,
+                    };
                     Task { view, workspace, result: Ok(Sight::Behind) }
                 });
                 let mut tasks: Vec<_> = tasks.collect();

@@ -22,8 +22,9 @@ from .motorplan import default_width
 
 __all__ = ["Attended", "CameraMap", "attention_step"]
 
-CameraMap: TypeAlias = _core.Mlp | npt.NDArray[np.floating[Any]]
-"""How the plan appears in a camera: a network, or a projection matrix (3, 4)."""
+CameraMap: TypeAlias = _core.Mlp | tuple[_core.Mlp, _core.Mlp] | npt.NDArray[np.floating[Any]]
+"""How the plan appears in a camera: a network, a network and another one that tells what is in view, or a
+projection matrix (3, 4)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +73,10 @@ def attention_step(
 
     Args:
         maps: {camera: map}. For a path a projection matrix (3, 4), of any scale and sign as for
-            :class:`PinholeProjection`, or an ``Mlp`` from (x, y, z, joints) to (u, v). For a posture an
-            ``Mlp`` from the joints to (u, v, ln L1, L2, ln L3); the logarithms are clipped to +-12, so that
-            every output is an ellipse.
+            :class:`PinholeProjection`, or an ``Mlp`` from (x, y, z, joints) to (u, v), or a pair of it and
+            one from the same to a number, which is negative for points that the camera does not see; they are
+            left out. ``NeuralProjection.maps`` are such pairs. For a posture an ``Mlp`` from the joints to
+            (u, v, ln L1, L2, ln L3); the logarithms are clipped to +-12, so that every output is an ellipse.
         shapes: {camera: (height, width)} for at least these cameras.
         points: (N, 3) planned path of the hand [m] in the root frame. A point less than 0.01 m in front of a
             matrix's camera is left out.
@@ -162,7 +164,8 @@ def _sources(
         if not isinstance(camera, str):
             raise ArgumentTypeError(f"{name}: expected names of cameras, got {camera!r}")
         matrix = isinstance(source, np.ndarray) and source.shape == (3, 4)
-        network = isinstance(source, _core.Mlp)
+        pair = isinstance(source, tuple) and [type(part) for part in source] == [_core.Mlp, _core.Mlp]
+        network = pair or isinstance(source, _core.Mlp)
         if pixels is not None and (matrix or network):
             raise ArgumentError(f"pixels['{camera}']: expected an array (N, 2), got {_describe(source)}")
         if maps is not None and not matrix and not network:
@@ -170,8 +173,9 @@ def _sources(
             raise error(
                 f"maps['{camera}']: expected an Mlp or a projection matrix (3, 4), got {_describe(source)}"
             )
-        if matrix and points is None:
-            raise ArgumentError(f"points: maps['{camera}'] is a projection matrix and needs a path")
+        if points is None and (matrix or pair):
+            what = "a projection matrix" if matrix else "a pair of networks"
+            raise ArgumentError(f"points: maps['{camera}'] is {what} and needs a path")
     if pixels is not None and points is not None:
         raise ArgumentError("points, pixels: give one of them")
     return sources

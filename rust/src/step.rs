@@ -32,8 +32,8 @@ pub enum Map<'a> {
     Pixels(&'a [[f64; 2]]),
     /// Projection matrix (3, 4), row-major, of any scale and sign.
     Matrix(&'a [f64; 12]),
-    /// A network from (x, y, z, joints) to (u, v).
-    Network(&'a Mlp),
+    /// A network from (x, y, z, joints) to (u, v), and one from the same that is negative for points out of view.
+    Network(&'a Mlp, Option<&'a Mlp>),
     /// A network from the joints to the ellipse of the reachable space, (u, v, ln L1, L2, ln L3).
     Ellipse(&'a Mlp),
 }
@@ -97,6 +97,7 @@ pub enum Sight {
 pub struct Workspace {
     inputs: Vec<f64>,
     outputs: Vec<f32>,
+    seen: Vec<f32>,
     pixels: Vec<[f64; 2]>,
     support: Support,
     masses: Masses,
@@ -261,17 +262,25 @@ fn project(simd: Simd, map: Map<'_>, plan: &Plan<'_>, workspace: &mut Workspace)
                 }
             }
         }
-        Map::Network(network) => {
-            let Workspace { inputs, outputs, mlp, .. } = workspace;
-            fits(network, "points and", plan.joints.len(), 3 + plan.joints.len(), 2)?;
+        Map::Network(place, sight) => {
+            let Workspace { inputs, outputs, seen, mlp, .. } = workspace;
+            let joints = plan.joints.len();
+            fits(place, "points and", joints, 3 + joints, 2)?;
             inputs.clear();
             for point in plan.points {
                 inputs.extend_from_slice(point);
                 inputs.extend_from_slice(plan.joints);
             }
             outputs.resize(2 * plan.points.len(), 0.0);
-            network.forward_on(simd, inputs, mlp, outputs)?;
-            pixels.extend(outputs.as_chunks::<2>().0.iter().map(|p| p.map(f64::from)));
+            place.forward_on(simd, inputs, mlp, outputs)?;
+            seen.clear();
+            seen.resize(plan.points.len(), 0.0);
+            if let Some(sight) = sight {
+                fits(sight, "points and", joints, 3 + joints, 1)?;
+                sight.forward_on(simd, inputs, mlp, seen)?;
+            }
+            let places = outputs.as_chunks::<2>().0.iter().zip(&*seen);
+            pixels.extend(places.filter(|&(_, &seen)| seen >= 0.0).map(|(p, _)| p.map(f64::from)));
         }
         Map::Ellipse(_) => {}
     }

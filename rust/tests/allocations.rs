@@ -169,7 +169,8 @@ fn whole_cycles() {
     let joints = [0.1; 9];
     let matrix = [80.0, 0.0, 60.0, 0.0, 0.0, 80.0, 30.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     let [projection, reach] = [network(&[12, 20, 2]), network(&[9, 20, 5])];
-    let maps = [Map::Pixels(&pixels), Map::Matrix(&matrix), Map::Network(&projection), Map::Ellipse(&reach)];
+    let maps =
+        [Map::Pixels(&pixels), Map::Matrix(&matrix), Map::Network(&projection, None), Map::Ellipse(&reach)];
     for (map, kernel) in maps.into_iter().flat_map(|m| [(m, Kernel::Triangular), (m, Kernel::Gaussian)]) {
         let plan = Plan { points: &path, joints: &joints, kernel, cutoff: 3.0, mixing: 0.8 };
         let mut space = step::Workspace::default();

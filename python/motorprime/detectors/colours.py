@@ -66,3 +66,21 @@ def window_scores(
     places = np.ascontiguousarray(corners, dtype=np.int32)
     bins = BINS, MIN_SATURATION, MIN_VALUE
     return _core.window_intersections(rgb, places, target, (size, size), *bins)
+
+
+def window_hits(
+    rgb: NDArray[np.uint8], centres: NDArray[np.int32], size: int, target: NDArray[np.float32], hit: float
+) -> NDArray[np.int32]:
+    """Boxes (M, 4) around groups of windows that share enough with a target and touch.
+
+    In one call what ``Windows.corners``, :func:`window_scores` and :func:`motorprime.detectors.merging.merge_windows`
+    give one after the other.
+
+    Args:
+        rgb: (H, W, 3) uint8.
+        centres: (N, 2) int32 (u, v) of windows; those at the border are shifted to lie inside the image.
+        size: of the windows [px].
+        target: (480,) share of each bin.
+        hit: the intersection from which a window hits.
+    """
+    return _core.window_hits(rgb, centres, target, size, hit, BINS, MIN_SATURATION, MIN_VALUE)

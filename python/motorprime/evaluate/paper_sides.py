@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._arrays import Floats
-from ..detectors import Everywhere, HistogramDetector, Mask, PlanarDetector, Surf, Windows
+from ..detectors import Everywhere, HistogramDetector, Mask, PlanarDetector, Surf
 from ..detectors.base import Where
-from ..detectors.colours import bin_indices, window_scores
-from ..detectors.merging import merge_hits, merge_windows
+from ..detectors.colours import bin_indices, window_hits
+from ..detectors.merging import merge_hits
 from ..intersections import intersections
 from ..peripersonal_model import PeripersonalModel
 from ..projection import NeuralProjection
@@ -70,12 +70,8 @@ class Histogram:
         found, target = {}, self.detector.model.ravel()
         for camera, look in where.items():
             assert look.centres is not None
-            image = images[camera]
-            with stages.time("windows"):
-                corners = Windows(look.centres, WINDOW).corners((image.shape[0], image.shape[1]))
-                scores = window_scores(image, corners, WINDOW, target)
-            with stages.time("merging"):
-                found[camera] = _centres(merge_windows(corners[scores >= HIT], WINDOW))
+            with stages.time("windows and merging"):
+                found[camera] = _centres(window_hits(images[camera], look.centres, WINDOW, target, HIT))
         return found
 
 
@@ -163,13 +159,12 @@ class Gaze:
                     stride=stride,
                 )
         else:
-            with stages.time("projection"):
-                pixels = self.projection.project(moment.path, moment.joints)
-            with stages.time("landscape and choice"):
+            with stages.time("projection, landscape and choice"):
                 seen = attention_step(
-                    None,
+                    self.projection.maps,
                     shapes,
-                    pixels=pixels,
+                    points=moment.path,
+                    joints=moment.joints,
                     seed=seed,
                     out=kept,
                     windows=windows,

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from .._core import Mlp
 from .._arrays import Floats, finite, fixed, integer, numbers, positive, rows
 from ..errors import ArgumentError, ArgumentTypeError
 from ..learning.network import Network
@@ -98,7 +99,14 @@ class NeuralProjection(Projection):
             name: self.correction.apply_to_pixels(name, part.place).mlp()
             for name, part in self.learned.items()
         }
-        self._sights = {name: self.correction.apply(part.sight).mlp() for name, part in self.learned.items()}
+        # From here on negative means unseen.
+        self._sights = {
+            name: self.correction.apply(
+                replace(part.sight, output_mean=part.sight.output_mean - UNSEEN)
+            ).mlp()
+            for name, part in self.learned.items()
+        }
+        self._maps = {name: (place, self._sights[name]) for name, place in self._places.items()}
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -109,6 +117,14 @@ class NeuralProjection(Projection):
     def shapes(self) -> dict[str, tuple[int, int]]:
         """(height, width) [px] of each camera's image."""
         return {name: part.shape for name, part in self.learned.items()}
+
+    @property
+    def maps(self) -> dict[str, tuple[Mlp, Mlp]]:
+        """The networks {camera: (place, sight)} for ``attention_step(projection.maps, projection.shapes,
+        points=path, joints=joints)``, which projects as :meth:`project` does, but for points that are far from
+        all that was babbled: it takes them as they come.
+        """
+        return dict(self._maps)
 
     def project(self, points: npt.ArrayLike, joints: npt.ArrayLike | None = None) -> dict[str, Floats]:
         """Project points (N, 3) to pixels {name: (N, 2)}; see :meth:`Projection.project`.
@@ -121,7 +137,7 @@ class NeuralProjection(Projection):
         pixels: dict[str, Floats] = {}
         for name, place in self._places.items():
             there = place(x).astype(np.float64)
-            unseen = self._sights[name](x)[:, 0] < UNSEEN
+            unseen = self._sights[name](x)[:, 0] < 0.0
             there[unseen if far is None else unseen | far] = np.nan
             pixels[name] = there
         return pixels

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 Clock = Callable[[], float]
 
@@ -17,11 +16,21 @@ class Stages:
         self._clock = clock
         self.seconds: dict[str, list[float]] = defaultdict(list)
 
-    @contextmanager
-    def time(self, stage: str) -> Iterator[None]:
+    def time(self, stage: str) -> Timed:
         """Time the block as one more run of ``stage``."""
-        start = self._clock()
-        try:
-            yield
-        finally:
-            self.seconds[stage].append(self._clock() - start)
+        return Timed(self._clock, self.seconds[stage])
+
+
+class Timed:
+    """A block whose duration is noted, however it ends; cheaper than a generator."""
+
+    __slots__ = ("_clock", "_seconds", "_start")
+
+    def __init__(self, clock: Clock, seconds: list[float]) -> None:
+        self._clock, self._seconds = clock, seconds
+
+    def __enter__(self) -> None:
+        self._start = self._clock()
+
+    def __exit__(self, *_: object) -> None:
+        self._seconds.append(self._clock() - self._start)

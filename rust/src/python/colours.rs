@@ -64,7 +64,7 @@ pub fn window_intersections<'py>(
     let target = shares(target)?;
     let window = pair("window", "(height, width)", window)?;
     let (image, shape) = image(rgb)?;
-    let corners = corners_of(corners)?;
+    let corners = corners_of("corners", corners)?;
     let corners = corners.as_slice()?.as_chunks::<2>().0;
     let scan = Scan { target: &target, window, stride: 1, wanted: None };
     let scores = created(py, Ix1(corners.len()))?;
@@ -78,6 +78,44 @@ pub fn window_intersections<'py>(
     Ok(scores)
 }
 
+/// Boxes around groups of windows that touch and reach a score, by the windows' centres: their scores and their
+/// merging in one call.
+#[pyfunction]
+#[pyo3(signature = (rgb, centres, target, size, hit, bins, min_saturation, min_value, /))]
+#[expect(clippy::too_many_arguments, reason = "the parameters of the method")]
+pub fn window_hits<'py>(
+    py: Python<'py>,
+    rgb: &Bound<'py, PyAny>,
+    centres: &Bound<'py, PyAny>,
+    target: &Bound<'py, PyAny>,
+    size: &Bound<'py, PyAny>,
+    hit: &Bound<'py, PyAny>,
+    bins: &Bound<'py, PyAny>,
+    min_saturation: &Bound<'py, PyAny>,
+    min_value: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray2<i32>>> {
+    let colours = colours(bins, min_saturation, min_value)?;
+    let (target, side, hit) = (shares(target)?, side(size)?, real("hit", hit)? as f32);
+    let (image, shape) = image(rgb)?;
+    let centres = corners_of("centres", centres)?;
+    let scan = Scan { target: &target, window: [side as usize; 2], stride: 1, wanted: None };
+    let places = scan.places(shape)?;
+    let most = [places.width(), places.height()].map(|places| places as i32 - 1);
+    let centres = centres.as_slice()?.as_chunks::<2>().0;
+    let shifted = |&[u, v]: &[i32; 2]| {
+        [(u.saturating_sub(side / 2), most[0]), (v.saturating_sub(side / 2), most[1])]
+            .map(|(first, most)| first.clamp(0, most))
+    };
+    let corners: Vec<[i32; 2]> = centres.iter().map(shifted).collect();
+    let picture = Picture { rgb: image.as_slice()?, shape, colours };
+    let mut scores = vec![0.0; corners.len()];
+    scratch::with(&SPACE, shape.pixels(), |space| {
+        py.detach(|| scan.windows(Simd::best(), picture, &corners, space, &mut scores))
+    })?;
+    let hits = corners.iter().zip(&scores).filter(|&(_, &score)| score >= hit);
+    boxes(py, &merge_corners(&hits.map(|(&corner, _)| corner).collect::<Vec<_>>(), side))
+}
+
 /// Boxes around groups of windows that touch, by their upper left pixels.
 #[pyfunction]
 #[pyo3(signature = (corners, size, /))]
@@ -87,7 +125,7 @@ pub fn merge_windows<'py>(
     size: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray2<i32>>> {
     let size = side(size)?;
-    let corners = corners_of(corners)?;
+    let corners = corners_of("corners", corners)?;
     let windows = corners.as_slice()?.as_chunks::<2>().0;
     if let Some(k) = windows.iter().position(|&[u, v]| u.max(v) > i32::MAX - size || u.min(v) < 0) {
         return Err(Error::element("corners", &[k], "pixels of an image", format!("{:?}", windows[k])).into());
@@ -123,12 +161,12 @@ fn side(size: &Bound<'_, PyAny>) -> PyResult<i32> {
     Ok(fits.ok_or_else(|| Error::scalar("size", format!("at most {MOST}"), value))?)
 }
 
-fn corners_of<'py>(corners: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py, i32>> {
-    let corners = plain::<i32, Ix2>("corners", "an array (N, 2) of int32", "(N, 2)", corners)?;
-    if corners.shape()[1] != 2 {
-        return Err(Error::shape("corners", "(N, 2)", format_shape(corners.shape())).into());
+fn corners_of<'py>(name: &'static str, given: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py, i32>> {
+    let pixels = plain::<i32, Ix2>(name, "an array (N, 2) of int32", "(N, 2)", given)?;
+    if pixels.shape()[1] != 2 {
+        return Err(Error::shape(name, "(N, 2)", format_shape(pixels.shape())).into());
     }
-    Ok(corners)
+    Ok(pixels)
 }
 
 fn colours(

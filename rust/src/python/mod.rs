@@ -36,7 +36,7 @@ fn empty_landscape<'py>(py: Python<'py>, shape: &Bound<'py, PyAny>) -> PyResult<
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::colours::{hue_saturation_bins, merge_hits, merge_windows, window_intersections};
+    use super::colours::{hue_saturation_bins, merge_hits, merge_windows, window_hits, window_intersections};
     #[pymodule_export]
     use super::dynamics::CoupledSystem;
     #[pymodule_export]

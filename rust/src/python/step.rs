@@ -23,7 +23,7 @@ thread_local! {
 
 /// How the plan appears in a camera, as it came from Python.
 enum Source<'py> {
-    Network(PyRef<'py, Mlp>),
+    Network(PyRef<'py, Mlp>, Option<PyRef<'py, Mlp>>),
     Matrix([f64; 12]),
     Pixels(Vec<[f64; 2]>),
 }
@@ -107,8 +107,10 @@ pub fn attention_step<'py>(
         for ((k, camera), workspace) in (0_u64..).zip(&mut read).zip(workspaces) {
             names.push(&camera.name);
             let map = match &camera.source {
-                Source::Network(network) if path => Map::Network(&network.0),
-                Source::Network(network) => Map::Ellipse(&network.0),
+                Source::Network(place, sight) if path => {
+                    Map::Network(&place.0, sight.as_ref().map(|sight| &sight.0))
+                }
+                Source::Network(network, _) => Map::Ellipse(&network.0),
                 Source::Matrix(matrix) => Map::Matrix(matrix),
                 Source::Pixels(pixels) => Map::Pixels(pixels),
             };
@@ -189,7 +191,11 @@ fn sides(width: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
 impl<'py> Source<'py> {
     fn read(camera: &str, map: &Bound<'py, PyAny>) -> PyResult<Self> {
         if let Ok(network) = map.cast::<Mlp>() {
-            return Ok(Self::Network(network.borrow()));
+            return Ok(Self::Network(network.borrow(), None));
+        }
+        if let Ok(pair) = map.cast::<PyTuple>() {
+            let network = |k| Ok::<_, PyErr>(pair.get_item(k)?.cast_into::<Mlp>()?.borrow());
+            return Ok(Self::Network(network(0)?, Some(network(1)?)));
         }
         if map.cast::<PyUntypedArray>().is_ok_and(|array| array.shape() == [3, 4]) {
             let name = format!("maps['{camera}']");
