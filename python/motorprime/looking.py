@@ -171,6 +171,35 @@ def choose_windows(
     return Windows(np.concatenate([centres, *elsewhere]), size)
 
 
+def choose_piece(look: Look, fraction: float, *, memory: Memory | None = None) -> Mask:
+    """A rectangle of pixels to look at next, for detectors that must see a thing as a whole.
+
+    The most relevant pixels of what was not yet looked at are a ring around what was, too narrow to hold
+    anything. This is the rectangle of the image's own proportions that has most of the landscape in it.
+
+    Args:
+        look: the landscape.
+        fraction: share of the image's pixels, in (0, 1]; sides are rounded to whole pixels.
+        memory: what was looked at in vain counts less.
+
+    Raises:
+        ArgumentError: the landscape is zero everywhere, a number outside its domain, or a memory of another
+            shape.
+    """
+    if not 0.0 < float(fixed("fraction", fraction, ())) <= 1.0:
+        raise ArgumentError(f"fraction: a share in (0, 1] expected, got {fraction}")
+    if look.is_empty:
+        raise ArgumentError("look: the landscape is zero everywhere: there is nothing to look at")
+    left = look.landscape if memory is None else memory.weigh(look.landscape)
+    height, width = (max(round(side * math.sqrt(fraction)), 1) for side in left.shape)
+    sums = cv2.integral(left.astype(np.float64))
+    inside = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
+    v, u = np.unravel_index(int(inside.argmax()), inside.shape)
+    mask = np.zeros(left.shape, dtype=np.bool_)
+    mask[v : v + height, u : u + width] = True
+    return Mask(mask)
+
+
 def _strategies(size: int, draw: np.random.Generator) -> dict[Strategy, _Draw]:
     return {
         "gibbs": lambda field, count: gibbs_sample(field, count, seed=draw),

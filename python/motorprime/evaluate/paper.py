@@ -14,7 +14,7 @@ from .. import shipped
 from .._arrays import integer
 from ..attention import Look
 from ..detectors import HistogramDetector, Mask
-from ..looking import Memory
+from ..looking import Memory, choose_piece
 from ..robot import Robot
 from ..sim.glass import Glass
 from ..step import Attended
@@ -27,7 +27,8 @@ from .trials import each
 
 CYCLES = 10
 """Found means: within so many."""
-MARGIN = 40  # at the border of a region the card is not seen as a whole [px]
+MARGIN = 20  # at the border of a region the card is not seen as a whole [px]
+KEEP = 0.9  # of the memory, from cycle to cycle
 REPEATS = 5  # of a measurement, of which the median counts
 PAPER = {
     "histogram_peripersonal": 2.4,
@@ -104,10 +105,10 @@ def evaluate_paper(
 
     The histogram detector scores windows of 20 x 20 px by the intersection of histograms: all of them, one
     pixel apart, on the one side; 50 for each eye, sampled from the landscape, on the other. SURF with a
-    Hessian threshold of 300 looks at all pixels, or at the 30 % that are most relevant, and in the next cycle
-    at those that are it among the others. Both sides work on both eyes' images on one thread, in turn. Time
-    is the processor's, and the attended side's begins with the posture or the plan. What the detectors look
-    for is learned beforehand.
+    Hessian threshold of 300 looks at all pixels, or at the 30 % that are most relevant, and in the next cycles
+    at rectangles with as many that hold most of what is left of the landscape. Both sides work on both eyes'
+    images on one thread, in turn. Time is the processor's, and the attended side's begins with the posture or
+    the plan. What the detectors look for is learned beforehand.
 
     Args:
         robot: with its URDF.
@@ -278,9 +279,10 @@ def elsewhere(where: Mapping[str, Attended], memories: dict[str, Memory]) -> Map
             return where
         mask = Mask(look.mask)
         if camera in memories:
-            mask = Look(memories[camera].weigh(look.landscape)).mask(fraction=FRACTION)
+            mask = choose_piece(Look(look.landscape), FRACTION, memory=memories[camera])
         else:
-            memories[camera] = Memory((look.landscape.shape[0], look.landscape.shape[1]))
+            height, width = look.landscape.shape
+            memories[camera] = Memory((height, width), keep=KEEP)
         memories[camera].note(mask, margin=MARGIN)
         moved[camera] = Attended(look.landscape, mask=mask.mask)
     return moved

@@ -26,9 +26,9 @@ from .paper_moments import Image, PaperMoment, printed
 
 WINDOW, WINDOWS, HIT = 20, 50, 0.3
 """Side of the histogram's windows [px], how many are drawn for each eye, and the intersection of a hit."""
-FRACTION, THRESHOLD, MATCHES = 0.3, 300.0, 8
+FRACTION, THRESHOLD, MATCHES = 0.3, 300.0, 7
 """Share of the pixels that SURF looks at, its Hessian threshold, and keypoints that must agree."""
-MIXING = 0.2  # pi of Eq. 10, for windows
+MIXING = 0.2  # pi of Eq. 10
 STRIDE = 4  # of the landscape that windows are drawn from [px]
 
 Found = Mapping[str, Floats]
@@ -151,7 +151,7 @@ class Gaze:
                     self.reachable.maps,
                     shapes,
                     joints=self.reachable.inputs_of(moment.joints),
-                    mixing=1.0 if masks else MIXING,
+                    mixing=MIXING,
                     seed=seed,
                     out=kept,
                     windows=windows,
