@@ -15,8 +15,10 @@ from motorprime.detectors.colours import (
     bin_indices,
     histogram,
     hsv,
+    window_hits,
     window_scores,
 )
+from motorprime.detectors.merging import merge_windows
 from motorprime.errors import ArgumentError, ArgumentTypeError
 from test_detectors import BLUE, DETECTOR, RED, reference_scores, scene
 
@@ -164,6 +166,24 @@ def test_some_windows_score_the_bits_that_the_scan_of_the_whole_image_gives_them
     )
     assert found.dtype == np.float32 and len(np.unique(found)) > 3
     assert window_scores(image, corners[:0], size, scan.model.ravel()).shape == (0,)
+
+
+@pytest.mark.parametrize("gap", [0, 7])
+def test_hits_of_windows_are_found_in_one_call_as_one_by_one(gap):
+    rng = np.random.default_rng(3)
+    image = motley(3, (60, 80))
+    centres = rng.integers(-5, 90, (40, 2)).astype(np.int32)
+    corners = Windows(centres, 12).corners((60, 80))
+    scores = window_scores(image, corners, 12, SCAN.model.ravel())
+    expected = merge_windows(corners[scores >= np.float32(0.2)], 12, gap=gap)
+    assert len(expected) > 0
+    found = window_hits(image, centres, 12, SCAN.model.ravel(), 0.2, gap=gap)
+    np.testing.assert_array_equal(found, expected)
+    assert window_hits(image, centres[:0], 12, SCAN.model.ravel(), 0.2).shape == (0, 4)
+    with pytest.raises(ArgumentError, match="window"):
+        window_hits(image, centres, 61, SCAN.model.ravel(), 0.2)
+    with pytest.raises(ArgumentError, match="centres"):
+        window_hits(image, centres[:, :1].copy(), 12, SCAN.model.ravel(), 0.2)
 
 
 def test_pixels_beside_the_windows_do_not_matter():

@@ -10,7 +10,7 @@ import pytest
 from motorprime import Camera, PosedCamera, Windows, kernel_landscape
 from motorprime.attention import Look
 from motorprime.errors import ArgumentError, ArgumentTypeError
-from motorprime.looking import Memory, _line, _stratified, choose_windows
+from motorprime.looking import Memory, _line, _stratified, choose_piece, choose_windows
 from motorprime.portions import paint
 from motorprime.rotations import rotation_matrices
 from reference import chi_square_bound
@@ -218,3 +218,38 @@ def test_a_memory_of_nothing_is_refused():
         Memory(SHAPE).move(np.full((5, 2), np.inf), np.zeros((5, 2)))
     with pytest.raises(ArgumentError, match="window of 20 px does not fit"):
         Memory((10, 10)).note(Windows(np.array([[5, 5]])))
+
+
+def test_a_piece_is_the_rectangle_with_most_of_the_landscape():
+    rng = np.random.default_rng(0)
+    for fraction in (0.04, 0.3, 1.0):
+        landscape = rng.random((30, 40), dtype=np.float32) ** 8
+        mask = choose_piece(Look(landscape), fraction).mask
+        height, width = round(30 * fraction**0.5), round(40 * fraction**0.5)
+        sums = np.lib.stride_tricks.sliding_window_view(landscape, (height, width)).sum(axis=(2, 3))
+        v, u = np.unravel_index(sums.argmax(), sums.shape)
+        assert mask.sum() == height * width and mask[v : v + height, u : u + width].all()
+
+
+def test_pieces_cover_the_image_one_after_the_other():
+    rows, columns = np.mgrid[:120, :160]
+    landscape = np.exp(-((rows - 60.0) ** 2 + (columns - 80.0) ** 2) / 2e3).astype(np.float32)
+    memory, seen = Memory((120, 160), keep=0.98), np.zeros((120, 160), bool)
+    for _ in range(10):
+        piece = choose_piece(Look(landscape), 0.3, memory=memory)
+        memory.note(piece, margin=8)
+        seen |= piece.mask
+    assert seen.mean() > 0.9
+
+
+@pytest.mark.parametrize("fraction", [0.0, -0.1, 1.1, np.nan])
+def test_a_piece_is_a_share_of_the_image(fraction):
+    with pytest.raises(ArgumentError, match="fraction"):
+        choose_piece(Look(np.ones((4, 4), np.float32)), fraction)
+
+
+def test_a_piece_of_nothing_is_an_error():
+    with pytest.raises(ArgumentError, match="zero everywhere"):
+        choose_piece(Look(np.zeros((4, 4), np.float32)), 0.5)
+    with pytest.raises(ArgumentError, match="memory"):
+        choose_piece(Look(np.ones((4, 4), np.float32)), 0.5, memory=Memory((4, 5)))

@@ -32,6 +32,9 @@ def test_a_detection_is_a_connected_block_of_the_pixels_that_windows_cover(corne
 def test_windows_in_a_row_are_one_and_those_a_pixel_apart_are_two():
     np.testing.assert_array_equal(merge_windows(np.array([[0, 0], [20, 0], [40, 20]]), 20), [[0, 0, 60, 40]])
     assert len(merge_windows(np.array([[0, 0], [21, 0]]), 20)) == 2
+    # Or at the gap that is allowed.
+    assert len(merge_windows(np.array([[0, 0], [24, 24]]), 20, gap=4)) == 1
+    assert len(merge_windows(np.array([[0, 0], [25, 24]]), 20, gap=4)) == 2
     assert merge_windows(np.zeros((0, 2), int), 20).shape == (0, 4)
     assert merge_hits(np.zeros((3, 4), np.float32), 0.5, 20).shape == (0, 4)
 
@@ -45,10 +48,12 @@ def test_windows_in_a_row_are_one_and_those_a_pixel_apart_are_two():
         (lambda: merge_windows(np.zeros((1, 2), int), 0), "size", ArgumentError),
         (lambda: merge_windows(np.zeros((1, 2), int), 2**31), "size must be at most", ArgumentError),
         (lambda: merge_windows(np.zeros((1, 2), int), 2.0), "size", ArgumentTypeError),
+        (lambda: merge_windows(np.zeros((1, 2), int), 2, gap=-1), "gap", ArgumentError),
+        (lambda: merge_hits(np.zeros((3, 4), np.float32), 0.5, 20, gap=0.5), "gap", ArgumentTypeError),
         (lambda: merge_hits(np.zeros((3, 4)), 0.5, 20), "scores must be .* float32", ArgumentTypeError),
         (lambda: merge_hits(np.zeros(3, np.float32), 0.5, 20), r"scores must be \(H, W\)", ArgumentError),
         (lambda: merge_hits(np.zeros((3, 4), np.float32), "0.5", 20), "hit", ArgumentTypeError),
-        (lambda: _core.merge_windows([[0, 0]], 20), "corners", ArgumentTypeError),
+        (lambda: _core.merge_windows([[0, 0]], 20, 0), "corners", ArgumentTypeError),
     ],
 )
 def test_what_cannot_be_merged_is_named(call, message, error):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from motorprime import attention_step
 from motorprime.errors import ArgumentError, ArgumentTypeError, StateError
 from motorprime.learning.projections import learn_projection, spread
 from motorprime.model_files import read_model, write_model
@@ -52,6 +53,20 @@ def test_points_far_out_of_view_have_no_pixel_and_those_in_view_have_one(learned
         right += [told[camera][0] == samples.seen(camera)[k] for camera in SHAPES]
     assert np.mean(right) > 0.93
     assert all(seen.all() for seen in learned.visible(behind, [0.0, 0.0]).values())
+
+
+def test_its_maps_project_in_the_fused_cycle_as_it_does(learned):
+    rng = np.random.default_rng(5)
+    points = rng.uniform([-0.25, -0.2, 0.3], [0.25, 0.2, 0.8], (60, 3))
+    for joints in ([0.05, -0.1], [-0.35, 0.35]):
+        pixels = learned.project(points, joints)
+        assert any(np.isnan(there).any() for there in pixels.values())
+        options = {"fraction": 0.2, "width": 12.0}
+        right = attention_step(None, learned.shapes, pixels=pixels, **options)
+        found = attention_step(learned.maps, learned.shapes, points, joints, **options)
+        assert list(found) == list(right)
+        for camera, attended in found.items():
+            np.testing.assert_array_equal(attended.landscape, right[camera].landscape)
 
 
 def test_the_jacobian_is_that_of_differences(learned):

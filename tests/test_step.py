@@ -459,3 +459,24 @@ def test_arrays_of_another_stride_are_not_written_again():
     fine = attention_step(None, **given_, out=coarse)
     assert fine["a"].landscape.shape == (30, 40)
     assert attention_step(None, **given_, stride=2, out=coarse)["a"].landscape is coarse["a"].landscape
+
+
+def test_a_pair_of_networks_leaves_out_what_the_second_one_does_not_see():
+    inputs = np.hstack([POINTS, np.broadcast_to(JOINTS, (len(POINTS), 3))])
+    middle = float(np.median(network((6, 5, 1), 9, [0.0], [1.0])(inputs)))
+    sight = network((6, 5, 1), 9, [-middle], [1.0])
+    seen = sight(inputs)[:, 0] >= 0.0
+    assert 0 < seen.sum() < len(POINTS)
+    shapes = {"right": SHAPES["right"]}
+    both = attention_step({"right": (PROJECTOR, sight)}, shapes, POINTS, JOINTS, fraction=0.2)
+    assert_same(both, attention_step({"right": PROJECTOR}, shapes, POINTS[seen], JOINTS, fraction=0.2))
+    with pytest.raises(ArgumentError, match=r"points: maps\['right'\] is a pair of networks"):
+        attention_step({"right": (PROJECTOR, sight)}, shapes, joints=JOINTS, fraction=0.2)
+    with pytest.raises(ArgumentError, match=r"maps\['right'\] must be a network of 6 inputs and 1 outputs"):
+        attention_step({"right": (PROJECTOR, PROJECTOR)}, shapes, POINTS, JOINTS, fraction=0.2)
+    blind = network((6, 5, 1), 9, [-9.0], [1.0])
+    with pytest.raises(NotInViewError):
+        attention_step({"right": (PROJECTOR, blind)}, shapes, POINTS, JOINTS, fraction=0.2)
+    for odd in ((PROJECTOR,), (PROJECTOR, MATRIX), [PROJECTOR, sight]):
+        with pytest.raises((ArgumentError, ArgumentTypeError), match="maps"):
+            attention_step({"right": odd}, shapes, POINTS, JOINTS, fraction=0.2)

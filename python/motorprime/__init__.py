@@ -48,7 +48,7 @@ from .landscape import (
     threshold,
     tiles,
 )
-from .looking import Memory, choose_windows
+from .looking import Memory, choose_piece, choose_windows
 from .motorplan import motorplan_landscape
 from .peripersonal import ReachCloud, fit_gaussian, fit_peripersonal
 from .peripersonal_model import PeripersonalModel
@@ -118,6 +118,7 @@ __all__ = [
     "attention_step",
     "calibrate",
     "calibrate_costs",
+    "choose_piece",
     "choose_windows",
     "fit_gaussian",
     "fit_peripersonal",

@@ -108,14 +108,15 @@ def hue_saturation_bins(
     out: npt.NDArray[np.uint16] | None,
     /,
 ) -> npt.NDArray[np.uint16]: ...
-def merge_windows(corners: npt.NDArray[np.int32], size: int, /) -> npt.NDArray[np.int32]: ...
-def merge_hits(scores: _Landscape, hit: float, size: int, /) -> npt.NDArray[np.int32]: ...
+def merge_windows(corners: npt.NDArray[np.int32], size: int, gap: int, /) -> npt.NDArray[np.int32]: ...
+def merge_hits(scores: _Landscape, hit: float, size: int, gap: int, /) -> npt.NDArray[np.int32]: ...
 def window_hits(
     rgb: npt.NDArray[np.uint8],
     centres: npt.NDArray[np.int32],
     target: _Numbers,
     size: int,
     hit: float,
+    gap: int,
     bins: tuple[int, int],
     min_saturation: int,
     min_value: int,

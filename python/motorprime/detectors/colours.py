@@ -69,12 +69,18 @@ def window_scores(
 
 
 def window_hits(
-    rgb: NDArray[np.uint8], centres: NDArray[np.int32], size: int, target: NDArray[np.float32], hit: float
+    rgb: NDArray[np.uint8],
+    centres: NDArray[np.int32],
+    size: int,
+    target: NDArray[np.float32],
+    hit: float,
+    *,
+    gap: int = 0,
 ) -> NDArray[np.int32]:
-    """Boxes (M, 4) around groups of windows that share enough with a target and touch.
+    """Boxes (M, 4) around groups of windows that share enough with a target and are near each other.
 
-    In one call what ``Windows.corners``, :func:`window_scores` and :func:`motorprime.detectors.merging.merge_windows`
-    give one after the other.
+    In one call what ``Windows.corners``, :func:`window_scores` and
+    :func:`motorprime.detectors.merging.merge_windows` give one after the other.
 
     Args:
         rgb: (H, W, 3) uint8.
@@ -82,5 +88,10 @@ def window_hits(
         size: of the windows [px].
         target: (480,) share of each bin.
         hit: the intersection from which a window hits.
+        gap: windows so far apart [px] are of one group.
+
+    Raises:
+        ArgumentError: an image smaller than the window, a number outside its domain, an array of another shape.
+        ArgumentTypeError: an argument has the wrong type or dtype.
     """
-    return _core.window_hits(rgb, centres, target, size, hit, BINS, MIN_SATURATION, MIN_VALUE)
+    return _core.window_hits(rgb, centres, target, size, hit, gap, BINS, MIN_SATURATION, MIN_VALUE)

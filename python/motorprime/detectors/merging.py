@@ -96,28 +96,30 @@ def check_overlap(overlap: npt.ArrayLike) -> float:
     return share
 
 
-def merge_windows(corners: NDArray[np.integer], size: int) -> NDArray[np.int32]:
+def merge_windows(corners: NDArray[np.integer], size: int, *, gap: int = 0) -> NDArray[np.int32]:
     """Windows that hit as detections: those that overlap or touch, be it by way of others, are one.
 
     Args:
         corners: (K, 2) upper left pixels (u, v) of windows that hit.
         size: of the windows [px].
+        gap: so far apart [px] they are one, too: windows that were drawn leave gaps on one thing.
 
     Returns:
         Boxes (N, 4), half-open, around the windows of each group, in no special order.
     """
-    return _core.merge_windows(np.ascontiguousarray(corners, dtype=np.int32), size)
+    return _core.merge_windows(np.ascontiguousarray(corners, dtype=np.int32), size, gap)
 
 
-def merge_hits(scores: NDArray[np.float32], hit: float, size: int) -> NDArray[np.int32]:
+def merge_hits(scores: NDArray[np.float32], hit: float, size: int, *, gap: int = 0) -> NDArray[np.int32]:
     """As :func:`merge_windows`, for windows that were all scored.
 
     Args:
         scores: (H - size + 1, W - size + 1), of the windows with these upper left pixels.
         hit: score from which a window hits.
         size: of the windows [px].
+        gap: see there.
     """
-    return _core.merge_hits(scores, hit, size)
+    return _core.merge_hits(scores, hit, size, gap)
 
 
 def suppress(boxes: NDArray[np.float32], scores: NDArray[np.float32], overlap: float) -> NDArray[np.intp]:

@@ -1,7 +1,8 @@
 """Scenes for the paper's experiments: a glass for the histograms, and in its place a printed card for SURF.
 
-The robot is stopped in a posture or in the middle of a reach, and is shown the glass; then the card instead;
-then both once more, with things about that look like them.
+The robot is stopped in a posture or in the middle of a reach, and is shown the glass; then the card instead,
+in the bare room and with pictures on the walls and sheets of print on the table, as there are in rooms; then
+both once more, with things about that look like them.
 """
 
 from __future__ import annotations
@@ -38,6 +39,10 @@ NOISE = 2.0  # of the sensors [grey levels]
 VISIBLE = 0.5  # of the glass's outline, in both eyes, when an obstacle has been stood about
 BESIDE = (0.11, 0.25)  # of the obstacle's axis from the glass's [m]
 ON_WALL, ON_TABLE = 6, 2  # things of each kind that look like the target
+PICTURES, SHEETS = 6, 3  # of print that does not
+SHEET = (0.21, 0.297)
+"""Width and height of a sheet on the table [m]."""
+ASIDE = 0.2  # of its middle from the target [m]
 WALL = -1.68  # x of the wall behind the table [m]
 
 Image = NDArray[np.uint8]
@@ -75,6 +80,7 @@ class PaperMoment:
         glass: what the histogram is of.
         plain: for each of :data:`DETECTORS` what there is to see.
         cluttered: the same with things that look like the target.
+        bare: what there is to see for SURF in a room without any other print.
     """
 
     joints: Floats
@@ -82,6 +88,7 @@ class PaperMoment:
     glass: Glass
     plain: Mapping[str, Sight]
     cluttered: Mapping[str, Sight]
+    bare: Sight
 
 
 def printed() -> Image:
@@ -167,13 +174,15 @@ def _show(stage: Stage, joints: Floats, path: Floats | None, generator: np.rando
     middle = np.array([place[0], place[1], TABLE_HEIGHT + CARD[1] / 2 + 0.001])
     turn = float(np.arctan2(head[1] - place[1], head[0] - place[0]))
     card = stand_card(world, scene.folder / "card", printed(), middle, CARD, turn=turn, lean=LEAN)
+    bare = _sight(eyes, card)
+    print_about = _furnish(stage, place, generator)
     plain["surf"] = _sight(eyes, card)
     alike = _stand_alike(stage, place, printed(), "print", generator)
     cluttered["surf"] = _sight(eyes, card)
-    for body in (card, *alike):
+    for body in (card, *alike, *print_about):
         world.remove(body)
     world.put(scene.glass, place)
-    return PaperMoment(joints, path, stage.layout.glass, plain, cluttered)
+    return PaperMoment(joints, path, stage.layout.glass, plain, cluttered, bare)
 
 
 def _sight(eyes: Eyes, body: int) -> Sight:
@@ -190,11 +199,9 @@ def _stand_alike(
     stage: Stage, target: Floats, picture: Image, name: str, generator: np.random.Generator
 ) -> list[int]:
     """Hang large copies on the wall, of about the size in the image, and stand small ones on the table."""
-    folder, bodies = stage.scene.folder, []
-    for k in range(ON_WALL):
-        place = (WALL, generator.uniform(-1.2, 1.2), generator.uniform(-0.6, 0.9))
-        large = 5.0 * CARD[0], 5.0 * CARD[1]
-        bodies.append(stand_card(stage.world, folder / f"{name}-wall-{k}", picture, place, large))
+    folder = stage.scene.folder
+    # In front of the pictures that hang there already.
+    bodies = [_hang(stage, picture, f"{name}-wall-{k}", PICTURES + k, generator) for k in range(ON_WALL)]
     for k in range(ON_TABLE):
         while True:
             x, y = generator.uniform(*TABLE_X), generator.uniform(*TABLE_Y)
@@ -203,4 +210,32 @@ def _stand_alike(
                 break
         place = (x, y, TABLE_HEIGHT + CARD[1] / 2 + 0.001)
         bodies.append(stand_card(stage.world, folder / f"{name}-{k}", picture, place, CARD, lean=LEAN))
+    return bodies
+
+
+def _hang(stage: Stage, picture: Image, name: str, order: int, generator: np.random.Generator) -> int:
+    """Hang a picture on the wall, five times as large as a card, before those of lower order."""
+    place = (WALL + 0.005 * order, generator.uniform(-1.2, 1.2), generator.uniform(-0.6, 0.9))
+    large = 5.0 * CARD[0], 5.0 * CARD[1]
+    return stand_card(stage.world, stage.scene.folder / name, picture, place, large)
+
+
+def _furnish(stage: Stage, target: Floats, generator: np.random.Generator) -> list[int]:
+    """Hang pictures on the wall and lay sheets of print on the table, none like the card."""
+
+    def other(height: int, width: int) -> Image:
+        drawn = draw_texture(int(generator.integers(PRINT_SEED + 1, 2**31)), height, width)
+        return np.repeat(drawn[..., None], 3, axis=2)
+
+    bodies = [_hang(stage, other(*PRINT), f"picture-{k}", k, generator) for k in range(PICTURES)]
+    for k in range(SHEETS):
+        while True:
+            x, y = generator.uniform(*TABLE_X), generator.uniform(*TABLE_Y)
+            if np.hypot(x - target[0], y - target[1]) > ASIDE:
+                break
+        # Each a little above the one before: they may lie on each other.
+        place = (x, y, TABLE_HEIGHT + 0.001 * (k + 1))
+        turn = float(generator.uniform(0.0, 2.0 * np.pi))
+        path, lying = stage.scene.folder / f"sheet-{k}", np.pi / 2.0
+        bodies.append(stand_card(stage.world, path, other(297, 210), place, SHEET, turn=turn, lean=lying))
     return bodies

@@ -24,8 +24,9 @@ from ..step import Attended, attention_step
 from ..tasks.timing import Stages
 from .paper_moments import Image, PaperMoment, printed
 
-WINDOW, WINDOWS, HIT = 20, 50, 0.3
+WINDOW, WINDOWS, HIT = 20, 50, 0.6
 """Side of the histogram's windows [px], how many are drawn for each eye, and the intersection of a hit."""
+GAP = WINDOW  # between hits on one thing, at most [px]: windows that are drawn are not everywhere
 FRACTION, THRESHOLD, MATCHES = 0.3, 300.0, 7
 """Share of the pixels that SURF looks at, its Hessian threshold, and keypoints that must agree."""
 MIXING = 0.2  # pi of Eq. 10
@@ -62,7 +63,7 @@ class Histogram:
             with stages.time("scan"):
                 scores = intersections(bins, target, (WINDOW, WINDOW))
             with stages.time("merging"):
-                found[camera] = _centres(merge_hits(scores, HIT, WINDOW))
+                found[camera] = _centres(merge_hits(scores, HIT, WINDOW, gap=GAP))
         return found
 
     def attended(self, images: Mapping[str, Image], where: Mapping[str, Attended], stages: Stages) -> Found:
@@ -71,7 +72,8 @@ class Histogram:
         for camera, look in where.items():
             assert look.centres is not None
             with stages.time("windows and merging"):
-                found[camera] = _centres(window_hits(images[camera], look.centres, WINDOW, target, HIT))
+                boxes = window_hits(images[camera], look.centres, WINDOW, target, HIT, gap=GAP)
+                found[camera] = _centres(boxes)
         return found
 
 

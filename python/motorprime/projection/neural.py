@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from .._core import Mlp
 from .._arrays import Floats, finite, fixed, integer, numbers, positive, rows
+from .._core import Mlp
 from ..errors import ArgumentError, ArgumentTypeError
 from ..learning.network import Network
 from ..model_files import read_model, write_model

@@ -78,10 +78,10 @@ pub fn window_intersections<'py>(
     Ok(scores)
 }
 
-/// Boxes around groups of windows that touch and reach a score, by the windows' centres: their scores and their
+/// Boxes around groups of windows that are near each other and reach a score, by the windows' centres: their scores and their
 /// merging in one call.
 #[pyfunction]
-#[pyo3(signature = (rgb, centres, target, size, hit, bins, min_saturation, min_value, /))]
+#[pyo3(signature = (rgb, centres, target, size, hit, gap, bins, min_saturation, min_value, /))]
 #[expect(clippy::too_many_arguments, reason = "the parameters of the method")]
 pub fn window_hits<'py>(
     py: Python<'py>,
@@ -90,12 +90,14 @@ pub fn window_hits<'py>(
     target: &Bound<'py, PyAny>,
     size: &Bound<'py, PyAny>,
     hit: &Bound<'py, PyAny>,
+    gap: &Bound<'py, PyAny>,
     bins: &Bound<'py, PyAny>,
     min_saturation: &Bound<'py, PyAny>,
     min_value: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray2<i32>>> {
     let colours = colours(bins, min_saturation, min_value)?;
-    let (target, side, hit) = (shares(target)?, side(size)?, real("hit", hit)? as f32);
+    let (target, hit) = (shares(target)?, real("hit", hit)? as f32);
+    let (side, gap) = (length("size", size, 1)?, length("gap", gap, 0)?);
     let (image, shape) = image(rgb)?;
     let centres = corners_of("centres", centres)?;
     let scan = Scan { target: &target, window: [side as usize; 2], stride: 1, wanted: None };
@@ -113,38 +115,41 @@ pub fn window_hits<'py>(
         py.detach(|| scan.windows(Simd::best(), picture, &corners, space, &mut scores))
     })?;
     let hits = corners.iter().zip(&scores).filter(|&(_, &score)| score >= hit);
-    boxes(py, &merge_corners(&hits.map(|(&corner, _)| corner).collect::<Vec<_>>(), side))
+    boxes(py, &merge_corners(&hits.map(|(&corner, _)| corner).collect::<Vec<_>>(), side, gap))
 }
 
-/// Boxes around groups of windows that touch, by their upper left pixels.
+/// Boxes around groups of windows that are near each other, by their upper left pixels.
 #[pyfunction]
-#[pyo3(signature = (corners, size, /))]
+#[pyo3(signature = (corners, size, gap, /))]
 pub fn merge_windows<'py>(
     py: Python<'py>,
     corners: &Bound<'py, PyAny>,
     size: &Bound<'py, PyAny>,
+    gap: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray2<i32>>> {
-    let size = side(size)?;
+    let (size, gap) = (length("size", size, 1)?, length("gap", gap, 0)?);
     let corners = corners_of("corners", corners)?;
     let windows = corners.as_slice()?.as_chunks::<2>().0;
     if let Some(k) = windows.iter().position(|&[u, v]| u.max(v) > i32::MAX - size || u.min(v) < 0) {
         return Err(Error::element("corners", &[k], "pixels of an image", format!("{:?}", windows[k])).into());
     }
-    boxes(py, &merge_corners(windows, size))
+    boxes(py, &merge_corners(windows, size, gap))
 }
 
 /// The same for the windows of a scan that reach a score.
 #[pyfunction]
-#[pyo3(signature = (scores, hit, size, /))]
+#[pyo3(signature = (scores, hit, size, gap, /))]
 pub fn merge_hits<'py>(
     py: Python<'py>,
     scores: &Bound<'py, PyAny>,
     hit: &Bound<'py, PyAny>,
     size: &Bound<'py, PyAny>,
+    gap: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray2<i32>>> {
-    let (size, hit) = (side(size)?, real("hit", hit)? as f32);
+    let (size, gap) = (length("size", size, 1)?, length("gap", gap, 0)?);
+    let hit = real("hit", hit)? as f32;
     let scores = plain::<f32, Ix2>("scores", "an array (H, W) of float32", "(H, W)", scores)?;
-    boxes(py, &merge_scores(scores.as_slice()?, scores.shape()[1], hit, size))
+    boxes(py, &merge_scores(scores.as_slice()?, scores.shape()[1], hit, size, gap))
 }
 
 fn boxes<'py>(py: Python<'py>, hulls: &[Hull]) -> PyResult<Bound<'py, PyArray2<i32>>> {
@@ -153,12 +158,12 @@ fn boxes<'py>(py: Python<'py>, hulls: &[Hull]) -> PyResult<Bound<'py, PyArray2<i
     Ok(release(found))
 }
 
-/// The side of a window, such that no sum of two coordinates overflows.
-fn side(size: &Bound<'_, PyAny>) -> PyResult<i32> {
-    const MOST: u64 = 1 << 30;
-    let value = whole("size", size, 1)?;
+/// A length in pixels, such that no sum of two coordinates overflows.
+fn length(name: &'static str, given: &Bound<'_, PyAny>, least: u64) -> PyResult<i32> {
+    const MOST: u64 = 1 << 29;
+    let value = whole(name, given, least)?;
     let fits = i32::try_from(value).ok().filter(|_| value <= MOST);
-    Ok(fits.ok_or_else(|| Error::scalar("size", format!("at most {MOST}"), value))?)
+    Ok(fits.ok_or_else(|| Error::scalar(name, format!("at most {MOST}"), value))?)
 }
 
 fn corners_of<'py>(name: &'static str, given: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py, i32>> {

@@ -1,4 +1,4 @@
-//! Windows that hit, as one thing for all that overlap or touch, be it by way of others.
+//! Windows that hit, as one thing for all that are near each other, be it by way of others.
 
 use std::ops::Range;
 
@@ -14,14 +14,15 @@ struct Run {
 }
 
 /// Boxes around the groups of windows of `size` pixels whose upper left pixels are given, in no special order.
-pub fn merge_corners(corners: &[[i32; 2]], size: i32) -> Vec<Hull> {
+/// Of one group are those that overlap, touch, or are `gap` pixels apart at most.
+pub fn merge_corners(corners: &[[i32; 2]], size: i32, gap: i32) -> Vec<Hull> {
     let mut runs: Vec<Run> = corners.iter().map(|&[u, v]| Run { v, first: u, last: u }).collect();
     runs.sort_unstable_by_key(|run| (run.v, run.first));
-    merge(&runs, size)
+    merge(&runs, size, gap)
 }
 
 /// The same for scores of all windows of an image, of which those hit that reach `hit`.
-pub fn merge_scores(scores: &[f32], columns: usize, hit: f32, size: i32) -> Vec<Hull> {
+pub fn merge_scores(scores: &[f32], columns: usize, hit: f32, size: i32, gap: i32) -> Vec<Hull> {
     let mut runs = Vec::new();
     for (v, row) in scores.chunks_exact(columns.max(1)).enumerate() {
         // Most rows have none, which is seen without a look at each of its windows.
@@ -33,30 +34,30 @@ pub fn merge_scores(scores: &[f32], columns: usize, hit: f32, size: i32) -> Vec<
             if score >= hit {
                 let (u, v) = (u as i32, v as i32);
                 match &mut run {
-                    // Windows of one row that touch are one run, whatever is between them.
-                    Some(run) if u - run.last <= size => run.last = u,
+                    // Windows of one row that are near are one run, whatever is between them.
+                    Some(run) if u - run.last <= size + gap => run.last = u,
                     other => runs.extend(other.replace(Run { v, first: u, last: u })),
                 }
             }
         }
         runs.extend(run);
     }
-    merge(&runs, size)
+    merge(&runs, size, gap)
 }
 
-/// Joins runs that touch. They are in the order of their rows.
-fn merge(runs: &[Run], size: i32) -> Vec<Hull> {
+/// Joins runs that are near. They are in the order of their rows.
+fn merge(runs: &[Run], size: i32, gap: i32) -> Vec<Hull> {
+    let near = size + gap;
     let mut parents: Vec<usize> = (0..runs.len()).collect();
     let mut reach: Range<usize> = 0..0;
     for (k, run) in runs.iter().enumerate() {
-        // Those of the rows that a window of this row touches.
-        while runs[reach.start].v < run.v - size {
+        // Those of the rows that a window of this row comes near.
+        while runs[reach.start].v < run.v - near {
             reach.start += 1;
         }
         reach.end = k;
         for other in reach.clone() {
-            let near = runs[other].first <= run.last + size && run.first <= runs[other].last + size;
-            if near {
+            if runs[other].first <= run.last + near && run.first <= runs[other].last + near {
                 let (a, b) = (root(&mut parents, other), root(&mut parents, k));
                 parents[a.max(b)] = a.min(b);
             }
@@ -94,14 +95,14 @@ mod tests {
     use super::*;
 
     /// By comparing each with each, until nothing changes.
-    fn by_pairs(corners: &[[i32; 2]], size: i32) -> Vec<Hull> {
+    fn by_pairs(corners: &[[i32; 2]], size: i32, gap: i32) -> Vec<Hull> {
         let mut group: Vec<usize> = (0..corners.len()).collect();
         let mut changed = true;
         while changed {
             changed = false;
             for (i, a) in corners.iter().enumerate() {
                 for (j, b) in corners.iter().enumerate() {
-                    let near = (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) <= size;
+                    let near = (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) <= size + gap;
                     if near && group[i] != group[j] {
                         let low = group[i].min(group[j]);
                         (group[i], group[j], changed) = (low, low, true);
@@ -125,26 +126,26 @@ mod tests {
 
     proptest! {
         #[test]
-        fn windows_are_one_when_a_chain_of_touching_ones_connects_them(
+        fn windows_are_one_when_a_chain_of_near_ones_connects_them(
             corners in prop::collection::vec(prop::array::uniform2(0..40_i32), 0..40),
-            size in 1..9_i32,
+            (size, gap) in (1..9_i32, 0..5_i32),
         ) {
-            let expected = sorted(by_pairs(&corners, size));
-            prop_assert_eq!(sorted(merge_corners(&corners, size)), expected.clone());
+            let expected = sorted(by_pairs(&corners, size, gap));
+            prop_assert_eq!(sorted(merge_corners(&corners, size, gap)), expected.clone());
             let mut scores = vec![0.2_f32; 40 * 40];
             for &[u, v] in &corners {
                 scores[(v * 40 + u) as usize] = 0.3;
             }
-            prop_assert_eq!(sorted(merge_scores(&scores, 40, 0.3, size)), expected);
+            prop_assert_eq!(sorted(merge_scores(&scores, 40, 0.3, size, gap)), expected);
         }
     }
 
     #[test]
     fn windows_that_touch_at_a_corner_are_one_and_a_pixel_farther_they_are_two() {
-        assert_eq!(merge_corners(&[[5, 5], [9, 9]], 4), [[5, 5, 13, 13]]);
-        assert_eq!(sorted(merge_corners(&[[5, 5], [10, 9]], 4)), [[5, 5, 9, 9], [10, 9, 14, 13]]);
-        assert!(merge_corners(&[], 4).is_empty());
-        assert!(merge_scores(&[], 0, 0.5, 4).is_empty());
-        assert!(merge_scores(&[f32::NAN; 6], 3, 0.5, 4).is_empty());
+        assert_eq!(merge_corners(&[[5, 5], [9, 9]], 4, 0), [[5, 5, 13, 13]]);
+        assert_eq!(sorted(merge_corners(&[[5, 5], [10, 9]], 4, 0)), [[5, 5, 9, 9], [10, 9, 14, 13]]);
+        assert!(merge_corners(&[], 4, 0).is_empty());
+        assert!(merge_scores(&[], 0, 0.5, 4, 0).is_empty());
+        assert!(merge_scores(&[f32::NAN; 6], 3, 0.5, 4, 0).is_empty());
     }
 }
