@@ -37,8 +37,8 @@ def test_masks_move_on_to_what_was_not_looked_at_in_pieces():
     np.testing.assert_array_equal(looked[0], first.mask)
     shares = [float((mask & ~looked[0]).mean()) for mask in looked]
     assert shares[0] == 0.0 and shares[1] > 0.1 and all(mask.mean() <= 0.31 for mask in looked)
-    # The next is a piece with the image's proportions beside what was seen, and takes some of its border along:
-    # what lies across it was seen in part only.
+    # The next is a piece with the image's proportions beside what was seen, and takes some of its border
+    # along: what lies across it was seen in part only.
     v, u = np.nonzero(looked[1])
     assert looked[1][v.min() : v.max() + 1, u.min() : u.max() + 1].all()
     assert (np.ptp(u) + 1, np.ptp(v) + 1) == (219, 55) and 280 <= u.max() < 320

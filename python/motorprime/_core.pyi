@@ -24,6 +24,7 @@ __all__ = [
     "sample",
     "surf",
     "threshold",
+    "window_hits",
     "window_intersections",
 ]
 

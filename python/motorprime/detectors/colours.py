@@ -91,7 +91,8 @@ def window_hits(
         gap: windows so far apart [px] are of one group.
 
     Raises:
-        ArgumentError: an image smaller than the window, a number outside its domain, an array of another shape.
+        ArgumentError: an image smaller than the window, a number outside its domain, an array of another
+            shape.
         ArgumentTypeError: an argument has the wrong type or dtype.
     """
     return _core.window_hits(rgb, centres, target, size, hit, gap, BINS, MIN_SATURATION, MIN_VALUE)

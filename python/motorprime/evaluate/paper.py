@@ -29,7 +29,7 @@ CYCLES = 10
 """Found means: within so many."""
 MARGIN = 20  # at the border of a region the card is not seen as a whole [px]
 KEEP = 0.9  # of the memory, from cycle to cycle
-REPEATS = 5  # of a measurement, of which the median counts
+REPEATS = 21  # of a measurement, of which the median counts
 PAPER = {
     "histogram_peripersonal": 2.4,
     "histogram_motorplan": 3.1,
@@ -110,10 +110,10 @@ def evaluate_paper(
 
     The histogram detector scores windows of 20 x 20 px by the intersection of histograms: all of them, one
     pixel apart, on the one side; 50 for each eye, sampled from the landscape, on the other. SURF with a
-    Hessian threshold of 300 looks at all pixels, or at the 30 % that are most relevant, and in the next cycles
-    at rectangles with as many that hold most of what is left of the landscape. Both sides work on both eyes'
-    images on one thread, in turn. Time is the processor's, and the attended side's begins with the posture or
-    the plan. What the detectors look for is learned beforehand.
+    Hessian threshold of 300 looks at all pixels, or at the 30 % that are most relevant, and in the next
+    cycles at rectangles with as many that hold most of what is left of the landscape. Both sides work on both
+    eyes' images on one thread, in turn. Time is the processor's, and the attended side's begins with the
+    posture or the plan. What the detectors look for is learned beforehand.
 
     Args:
         robot: with its URDF.

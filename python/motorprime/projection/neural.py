@@ -121,8 +121,8 @@ class NeuralProjection(Projection):
     @property
     def maps(self) -> dict[str, tuple[Mlp, Mlp]]:
         """The networks {camera: (place, sight)} for ``attention_step(projection.maps, projection.shapes,
-        points=path, joints=joints)``, which projects as :meth:`project` does, but for points that are far from
-        all that was babbled: it takes them as they come.
+        points=path, joints=joints)``, which projects as :meth:`project` does, but for points that are far
+        from all that was babbled: it takes them as they come.
         """
         return dict(self._maps)
 
