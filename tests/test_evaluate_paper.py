@@ -30,7 +30,7 @@ def test_a_detection_is_right_when_its_centre_is_a_pixel_of_the_target_s_box():
 
 
 def test_masks_move_on_to_what_was_not_looked_at_in_pieces():
-    landscape = np.tile(np.linspace(0.1, 1.0, 400, dtype=np.float32), (100, 1))
+    landscape = np.tile(np.linspace(0.1, 1.0, 400, dtype=np.float32), (240, 1))
     first = Attended(landscape, mask=landscape > landscape[0, 279])
     memories: dict[str, Memory] = {}
     looked = [elsewhere({"left": first}, memories)["left"].mask for _ in range(3)]
@@ -41,7 +41,7 @@ def test_masks_move_on_to_what_was_not_looked_at_in_pieces():
     # along: what lies across it was seen in part only.
     v, u = np.nonzero(looked[1])
     assert looked[1][v.min() : v.max() + 1, u.min() : u.max() + 1].all()
-    assert (np.ptp(u) + 1, np.ptp(v) + 1) == (219, 55) and 280 <= u.max() < 320
+    assert (np.ptp(u) + 1, np.ptp(v) + 1) == (219, 131) and 300 <= u.max() < 400
     windows = {"left": Attended(landscape, centres=np.zeros((3, 2), np.int32))}
     assert elsewhere(windows, memories) is windows
 

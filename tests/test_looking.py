@@ -231,15 +231,21 @@ def test_a_piece_is_the_rectangle_with_most_of_the_landscape():
         assert mask.sum() == height * width and mask[v : v + height, u : u + width].all()
 
 
-def test_pieces_cover_the_image_one_after_the_other():
+def test_ten_pieces_show_a_thing_as_a_whole_wherever_it_is():
     rows, columns = np.mgrid[:120, :160]
     landscape = np.exp(-((rows - 60.0) ** 2 + (columns - 80.0) ** 2) / 2e3).astype(np.float32)
-    memory, seen = Memory((120, 160), keep=0.98), np.zeros((120, 160), bool)
+    memory, whole = Memory((120, 160), keep=0.98), np.zeros((120, 160), bool)
     for _ in range(10):
-        piece = choose_piece(Look(landscape), 0.3, memory=memory)
-        memory.note(piece, margin=8)
-        seen |= piece.mask
-    assert seen.mean() > 0.9
+        piece = choose_piece(Look(landscape), 0.3, margin=16, memory=memory)
+        memory.note(piece, margin=16)
+        # Where the middle of a thing of 32 px may be for all of it that is in the image to be in the piece.
+        v, u = np.nonzero(piece.mask)
+        low = [x.min() + 16 if x.min() > 0 else 0 for x in (v, u)]
+        high = [
+            x.max() - 16 if x.max() + 1 < side else side for x, side in zip((v, u), (120, 160), strict=True)
+        ]
+        whole[low[0] : high[0], low[1] : high[1]] = True
+    assert whole.mean() > 0.9
 
 
 @pytest.mark.parametrize("fraction", [0.0, -0.1, 1.1, np.nan])
@@ -251,5 +257,9 @@ def test_a_piece_is_a_share_of_the_image(fraction):
 def test_a_piece_of_nothing_is_an_error():
     with pytest.raises(ArgumentError, match="zero everywhere"):
         choose_piece(Look(np.zeros((4, 4), np.float32)), 0.5)
+    with pytest.raises(ArgumentError, match="margin: less than half of 10 px"):
+        choose_piece(Look(np.ones((20, 40), np.float32)), 0.25, margin=5)
+    choose_piece(Look(np.ones((20, 40), np.float32)), 0.25, margin=4)
+    choose_piece(Look(np.ones((20, 40), np.float32)), 1.0, margin=400)
     with pytest.raises(ArgumentError, match="memory"):
         choose_piece(Look(np.ones((4, 4), np.float32)), 0.5, memory=Memory((4, 5)))

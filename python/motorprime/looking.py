@@ -171,7 +171,7 @@ def choose_windows(
     return Windows(np.concatenate([centres, *elsewhere]), size)
 
 
-def choose_piece(look: Look, fraction: float, *, memory: Memory | None = None) -> Mask:
+def choose_piece(look: Look, fraction: float, *, margin: int = 0, memory: Memory | None = None) -> Mask:
     """A rectangle of pixels to look at next, for detectors that must see a thing as a whole.
 
     The most relevant pixels of what was not yet looked at are a ring around what was, too narrow to hold
@@ -180,23 +180,35 @@ def choose_piece(look: Look, fraction: float, *, memory: Memory | None = None) -
     Args:
         look: the landscape.
         fraction: share of the image's pixels, in (0, 1]; sides are rounded to whole pixels.
+        margin: half the extent of a thing [px]: what lies nearer to the rectangle's border, unless that is the
+            image's own, does not count. As in :meth:`Memory.note`, so that pieces overlap by what that takes.
         memory: what was looked at in vain counts less.
 
     Raises:
-        ArgumentError: the landscape is zero everywhere, a number outside its domain, or a memory of another
-            shape.
+        ArgumentError: the landscape is zero everywhere, a number outside its domain, a margin that leaves
+            nothing of the rectangle, or a memory of another shape.
     """
+    margin = integer("margin", margin, at_least=0)
     if not 0.0 < float(fixed("fraction", fraction, ())) <= 1.0:
         raise ArgumentError(f"fraction: a share in (0, 1] expected, got {fraction}")
     if look.is_empty:
         raise ArgumentError("look: the landscape is zero everywhere: there is nothing to look at")
     left = look.landscape if memory is None else memory.weigh(look.landscape)
-    height, width = (max(round(side * math.sqrt(fraction)), 1) for side in left.shape)
+    sides = [max(round(side * math.sqrt(fraction)), 1) for side in left.shape]
+    cores = []
+    for side, most in zip(sides, left.shape, strict=True):
+        if 2 * margin >= side < most:
+            raise ArgumentError(f"margin: less than half of {side} px expected, got {margin}")
+        first = np.arange(most - side + 1)
+        end = first + side
+        cores.append((np.where(first > 0, first + margin, 0), np.where(end < most, end - margin, most)))
+    (top, bottom), (start, end) = cores
     sums = cv2.integral(left.astype(np.float64))
-    inside = sums[height:, width:] - sums[:-height, width:] - sums[height:, :-width] + sums[:-height, :-width]
+    inside = sums[np.ix_(bottom, end)] - sums[np.ix_(top, end)] - sums[np.ix_(bottom, start)]
+    inside += sums[np.ix_(top, start)]
     v, u = np.unravel_index(int(inside.argmax()), inside.shape)
     mask = np.zeros(left.shape, dtype=np.bool_)
-    mask[v : v + height, u : u + width] = True
+    mask[v : v + sides[0], u : u + sides[1]] = True
     return Mask(mask)
 
 

@@ -27,8 +27,8 @@ from .trials import each
 
 CYCLES = 10
 """Found means: within so many."""
-MARGIN = 20  # at the border of a region the card is not seen as a whole [px]
-KEEP = 0.9  # of the memory, from cycle to cycle
+MARGIN = 40  # at the border of a region the card is not seen as a whole [px]
+KEEP = 0.98  # of the memory, from cycle to cycle
 REPEATS = 21  # of a measurement, of which the median counts
 PAPER = {
     "histogram_peripersonal": 2.4,
@@ -294,7 +294,7 @@ def elsewhere(where: Mapping[str, Attended], memories: dict[str, Memory]) -> Map
             return where
         mask = Mask(look.mask)
         if camera in memories:
-            mask = choose_piece(Look(look.landscape), FRACTION, memory=memories[camera])
+            mask = choose_piece(Look(look.landscape), FRACTION, margin=MARGIN, memory=memories[camera])
         else:
             height, width = look.landscape.shape
             memories[camera] = Memory((height, width), keep=KEEP)
