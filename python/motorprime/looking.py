@@ -180,8 +180,8 @@ def choose_piece(look: Look, fraction: float, *, margin: int = 0, memory: Memory
     Args:
         look: the landscape.
         fraction: share of the image's pixels, in (0, 1]; sides are rounded to whole pixels.
-        margin: half the extent of a thing [px]: what lies nearer to the rectangle's border, unless that is the
-            image's own, does not count. As in :meth:`Memory.note`, so that pieces overlap by what that takes.
+        margin: half the extent of a thing [px]: what lies nearer to the rectangle's border, unless that is
+            the image's own, does not count. As for :meth:`Memory.note`, so that pieces overlap by that much.
         memory: what was looked at in vain counts less.
 
     Raises:
