@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from . import attention, budget, dynamics, dynamics_learning, ik, looking, moving, paper, surf
+from . import attention, budget, dynamics, dynamics_learning, ik, looking, moving, paper, payoff, surf
 from .measuring import measure, show, writable, wrote
 from .options import JsonFile, Seed, err
 
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
-for part in (attention, budget, dynamics, dynamics_learning, ik, looking, moving, paper, surf):
+for part in (attention, budget, dynamics, dynamics_learning, ik, looking, moving, paper, payoff, surf):
     part.register(evaluate)
 
 

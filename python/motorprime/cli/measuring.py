@@ -35,10 +35,12 @@ def wrote(path: Path, what: str = "wrote") -> None:
 
 def measure(
     name: str, evaluation: Callable[..., dict[str, Any]], json_file: Path | None, **options: Any
-) -> None:
-    """Run an evaluation of the simulated iCub, with a progress bar."""
+) -> dict[str, Any]:
+    """Run an evaluation of the simulated iCub, with a progress bar; returns what it found."""
     from ..evaluate.common import Progress
     from ..sim.icub import load_icub
 
     writable(json=json_file)
-    show(name, evaluation(load_icub(), progress=Progress(err), **options), json_file)
+    result = evaluation(load_icub(), progress=Progress(err), **options)
+    show(name, result, json_file)
+    return result
