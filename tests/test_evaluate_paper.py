@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from motorprime.detectors import Mask
 from motorprime.errors import ArgumentError
 from motorprime.evaluate.paper import PAPER, beside, elsewhere, evaluate_paper, hit
 from motorprime.evaluate.paper_moments import CARD, DETECTORS, Sight, paper_moments, printed
+from motorprime.evaluate.paper_picture import draw_paper
 from motorprime.evaluate.paper_sides import Gaze, Keypoints
 from motorprime.step import Attended
 from motorprime.tasks.timing import Stages
@@ -119,7 +121,7 @@ def test_the_picture_of_the_card_has_the_card_s_proportions():
     assert width / height == pytest.approx(CARD[0] / CARD[1])
 
 
-def test_a_series_has_a_row_for_each_of_the_paper_s(icub, monkeypatch):
+def test_a_series_has_a_row_for_each_of_the_paper_s(icub, monkeypatch, tmp_path):
     """Only the scenes of the search: a reach takes much longer."""
     from motorprime.evaluate import paper
 
@@ -140,6 +142,9 @@ def test_a_series_has_a_row_for_each_of_the_paper_s(icub, monkeypatch):
         assert 0.0 <= figures["found"] <= 1.0 and figures["obstacle"]["measurements"] == 1
     assert result["histogram_motorplan"]["found"] == 1.0
     assert set(result["back_projection"]) == {"peripersonal", "motorplan"}
+    draw_paper(result, tmp_path / "paper.png")
+    drawn = cv2.imread(str(tmp_path / "paper.png"))
+    assert drawn is not None and 0.05 < (drawn < 200).any(axis=2).mean() < 0.6
 
 
 def test_bad_numbers_are_named(icub):
