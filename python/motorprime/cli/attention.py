@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from .measuring import show, writable, wrote
-from .options import JsonFile, Seed, err
+from .options import JsonFile, PictureFile, Seed, err
 
 
 def register(evaluate: typer.Typer) -> None:
@@ -21,10 +20,7 @@ def register(evaluate: typer.Typer) -> None:
 def _attention(
     scenes: Annotated[int, typer.Option(min=1, help="Scenes with a reach under way.")] = 200,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
-    picture: Annotated[
-        Path | None,
-        typer.Option(help="Draw curves and an example to this .png or .svg (extra viz).", dir_okay=False),
-    ] = None,
+    picture: PictureFile = None,
     seed: Seed = 0,
     json_file: JsonFile = None,
 ) -> None:

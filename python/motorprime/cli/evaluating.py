@@ -9,7 +9,7 @@ import typer
 
 from . import attention, budget, dynamics, dynamics_learning, ik, looking, moving, paper, payoff, surf
 from .measuring import measure, show, writable, wrote
-from .options import JsonFile, Seed, err
+from .options import JsonFile, PictureFile, Seed, err
 
 evaluate = typer.Typer(help="Measure a figure; print a table, and JSON for machines.", no_args_is_help=True)
 for part in (attention, budget, dynamics, dynamics_learning, ik, looking, moving, paper, payoff, surf):
@@ -104,10 +104,7 @@ def _maps(
 def _recording(
     path: Annotated[Path, typer.Argument(help="Folder that yarpdatadumper wrote, with head, arm and eyes.")],
     seed: Seed = 0,
-    picture: Annotated[
-        Path | None,
-        typer.Option(help="Draw tips and errors to this .png or .svg (extra viz).", dir_okay=False),
-    ] = None,
+    picture: PictureFile = None,
     json_file: JsonFile = None,
 ) -> None:
     """Thumb of a recorded iCub in both eyes, predicted from its joints before and after adapting, in pixels.

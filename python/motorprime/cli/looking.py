@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from .measuring import show, writable
-from .options import JsonFile, Seed, err
+from .options import JsonFile, Seed, TextModel, err
 
 
 def register(evaluate: typer.Typer) -> None:
@@ -21,10 +20,7 @@ def register(evaluate: typer.Typer) -> None:
 def _regions(
     images: Annotated[int, typer.Option(min=1, help="Textures; four times as many of labels and faces.")] = 5,
     rounds: Annotated[int, typer.Option(min=1, help="Timed runs on each image.")] = 3,
-    text_model: Annotated[
-        Path | None,
-        typer.Option(help="The text detector's .onnx; not given, the one fetched at set-up.", dir_okay=False),
-    ] = None,
+    text_model: TextModel = None,
     seed: Seed = 0,
     json_file: JsonFile = None,
 ) -> None:

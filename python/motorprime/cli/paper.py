@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from .measuring import measure, writable, wrote
-from .options import JsonFile, Seed
+from .options import JsonFile, PictureFile, Seed
 
 
 def register(evaluate: typer.Typer) -> None:
@@ -23,10 +22,7 @@ def _paper(
         int, typer.Option(min=1, help="Of each kind, with and without an obstacle.")
     ] = 200,
     workers: Annotated[int, typer.Option(min=1, help="Processes. Times are best taken with one.")] = 1,
-    picture: Annotated[
-        Path | None,
-        typer.Option(help="Draw times and figures to this .png or .svg (extra viz).", dir_okay=False),
-    ] = None,
+    picture: PictureFile = None,
     seed: Seed = 0,
     json_file: JsonFile = None,
 ) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from .measuring import show, writable, wrote
-from .options import JsonFile, Seed, err
+from .options import JsonFile, PictureFile, Seed, TextModel, err
 
 
 def register(evaluate: typer.Typer) -> None:
@@ -20,14 +19,8 @@ def register(evaluate: typer.Typer) -> None:
 
 def _payoff(
     rounds: Annotated[int, typer.Option(min=1, help="Timed runs, of which the median counts.")] = 5,
-    picture: Annotated[
-        Path | None,
-        typer.Option(help="Draw the speed-ups to this .png or .svg (extra viz).", dir_okay=False),
-    ] = None,
-    text_model: Annotated[
-        Path | None,
-        typer.Option(help="The text detector's .onnx; not given, the one fetched at set-up.", dir_okay=False),
-    ] = None,
+    picture: PictureFile = None,
+    text_model: TextModel = None,
     seed: Seed = 0,
     json_file: JsonFile = None,
 ) -> None:

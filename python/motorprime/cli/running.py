@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from .options import AsJson, JsonFile, Seed, err, out
+from .options import AsJson, JsonFile, PictureFile, Seed, err, out
 
 LARGEST = 4096  # side of the eyes' images [px]
 
@@ -136,9 +136,7 @@ def bench(
         bool, typer.Option("--quick", help="A few repetitions only: seconds, and figures for a first look.")
     ] = False,
     json_file: JsonFile = None,
-    picture: Annotated[
-        Path | None, typer.Option(help="Draw the figures to this .png or .svg (extra viz).", dir_okay=False)
-    ] = None,
+    picture: PictureFile = None,
     markdown: Annotated[
         Path | None,
         typer.Option(
