@@ -49,6 +49,7 @@ def test_windows_in_a_row_are_one_and_those_a_pixel_apart_are_two():
         (lambda: merge_windows(np.zeros((1, 2), int), 2**31), "size must be at most", ArgumentError),
         (lambda: merge_windows(np.zeros((1, 2), int), 2.0), "size", ArgumentTypeError),
         (lambda: merge_windows(np.zeros((1, 2), int), 2, gap=-1), "gap", ArgumentError),
+        (lambda: merge_windows(np.array([[2**31 - 30, 0]]), 20, gap=11), r"corners\[0\]", ArgumentError),
         (lambda: merge_hits(np.zeros((3, 4), np.float32), 0.5, 20, gap=0.5), "gap", ArgumentTypeError),
         (lambda: merge_hits(np.zeros((3, 4)), 0.5, 20), "scores must be .* float32", ArgumentTypeError),
         (lambda: merge_hits(np.zeros(3, np.float32), 0.5, 20), r"scores must be \(H, W\)", ArgumentError),

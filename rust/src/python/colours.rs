@@ -130,7 +130,7 @@ pub fn merge_windows<'py>(
     let (size, gap) = (length("size", size, 1)?, length("gap", gap, 0)?);
     let corners = corners_of("corners", corners)?;
     let windows = corners.as_slice()?.as_chunks::<2>().0;
-    if let Some(k) = windows.iter().position(|&[u, v]| u.max(v) > i32::MAX - size || u.min(v) < 0) {
+    if let Some(k) = windows.iter().position(|&[u, v]| u.max(v) > i32::MAX - size - gap || u.min(v) < 0) {
         return Err(Error::element("corners", &[k], "pixels of an image", format!("{:?}", windows[k])).into());
     }
     boxes(py, &merge_corners(windows, size, gap))
