@@ -55,6 +55,19 @@ def test_points_far_out_of_view_have_no_pixel_and_those_in_view_have_one(learned
     assert all(seen.all() for seen in learned.visible(behind, [0.0, 0.0]).values())
 
 
+def test_a_point_has_no_pixel_where_it_is_judged_clearly_out_of_view(learned):
+    points = np.random.default_rng(6).uniform([-0.25, -0.2, 0.3], [0.25, 0.2, 0.8], (500, 3))
+    joints = np.array([-0.2, 0.2])
+    inputs = np.hstack([points, np.broadcast_to(joints, (500, 2))])
+    pixels = learned.project(points, joints)
+    for camera, part in learned.learned.items():
+        judged = part.sight.mlp()(inputs)[:, 0]
+        # -1 is out of view and 1 in view; what is hardly out of it has a pixel near the border.
+        assert ((judged > -0.65) & (judged < 0.0)).any() and (judged < -0.75).any()
+        assert np.isnan(pixels[camera][judged < -0.701]).all()
+        assert not np.isnan(pixels[camera][judged > -0.699]).any()
+
+
 def test_its_maps_project_in_the_fused_cycle_as_it_does(learned):
     rng = np.random.default_rng(5)
     points = rng.uniform([-0.25, -0.2, 0.3], [0.25, 0.2, 0.8], (60, 3))
